@@ -1,0 +1,214 @@
+"""The seam between a servo on the bus and the joint it moves.
+
+A *plant* is whatever turns drive commands into joint motion: a physics engine, or the ideal
+first-order servo below, with which the bus runs without any engine. The bus knows a plant only
+through four methods, in this order of events::
+
+    advance(t)  ->  sample(id) / command(id, ...)  ->  advance(t2)  -> ...
+
+Frames and units: every quantity is that of one servo's *output shaft*, in SI. ``position_rad`` is 0
+at the centre of the servo's range and grows with the register value (counter-clockwise seen from the
+horn). Time is in seconds since the plant was made, and never runs backwards.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from .tables import Robot
+
+
+class OperatingMode(enum.Enum):
+    """What the servo's controller regulates (the e-manual's words)."""
+
+    POSITION = "position"  #: "joint mode" in Protocol 1.0
+    VELOCITY = "velocity"  #: "wheel mode" in Protocol 1.0
+    PWM = "pwm"  #: duty follows ``goal_duty`` directly
+
+
+@dataclass(frozen=True, slots=True)
+class DriveCommand:
+    """All that a servo's registers say to its drive, in SI.
+
+    The position law that one set of numbers must be able to express is, for an error
+    ``e = goal - position`` [rad] (AX-12A: compliance margin, slope and punch; XL-320: P, I, D)::
+
+        |e| <= margin : duty = 0
+        otherwise     : duty = sign(e) * (punch + gain * (|e| - margin)) + I-term + D-term
+
+    clipped to ``+-duty_limit``. *cw* numbers hold where the goal lies clockwise of the position
+    (``e < 0``), *ccw* where it lies counter-clockwise (``e > 0``).
+    """
+
+    torque_enable: bool = False
+    operating_mode: OperatingMode = OperatingMode.POSITION
+    goal_position_rad: float = 0.0
+    goal_velocity_rad_s: float = 0.0  #: used in VELOCITY mode
+    goal_duty: float = 0.0  #: -1 to 1, used in PWM mode
+    velocity_limit_rad_s: float = math.inf  #: moving speed / profile velocity in POSITION mode
+    duty_limit: float = 1.0  #: torque limit, 0 to 1
+    gain_cw_per_rad: float = 0.0
+    gain_ccw_per_rad: float = 0.0
+    margin_cw_rad: float = 0.0
+    margin_ccw_rad: float = 0.0
+    punch_duty: float = 0.0
+    integral_gain_per_rad_s: float = 0.0
+    derivative_gain_s_per_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ServoState:
+    """What can be known of one servo at the instant last advanced to."""
+
+    position_rad: float
+    velocity_rad_s: float
+    duty: float  #: the controller's output, -1 to 1: what ``present_load`` is made from
+    torque_nm: float  #: torque of the output shaft on its load
+    current_a: float
+    voltage_v: float  #: at the servo's terminals
+    temperature_c: float
+
+
+class Plant(Protocol):
+    """Joint physics behind the bus.
+
+    Contract: :meth:`advance` never goes back (``ValueError``); the result of a run depends only on
+    the commands and the instants they were given at, not on how often it was advanced or sampled.
+    A command acts from the first control tick of the servo after the instant last advanced to.
+    Unknown servo ids raise ``KeyError``.
+    """
+
+    def advance(self, to_s: float) -> None:
+        """Simulate up to ``to_s`` [s since the plant was made]."""
+
+    def command(self, servo_id: int, command: DriveCommand) -> None:
+        """Set what a drive shall do from now on."""
+
+    def sample(self, servo_id: int) -> ServoState:
+        """The state of one servo at exactly the instant last advanced to."""
+
+    def observe(self) -> Mapping[str, float]:
+        """What an outside observer sees now: namespaced names to SI values.
+
+        For instance ``mocap/base_x_m``, ``contact/leg1_n``. Never known to a robot's program.
+        """
+
+
+@dataclass(slots=True)
+class _Ideal:
+    command: DriveCommand
+    position_rad: float
+    velocity_rad_s: float = 0.0
+
+
+class IdealPlant:
+    """A first-order servo without load: the bus can be tried with no engine installed.
+
+    Each enabled servo approaches its goal with the time constant ``lag_s``, never faster than its
+    velocity limit. It has no inertia, no load and no temperature; duty is the position law's own.
+    """
+
+    def __init__(
+        self,
+        servo_ids: Iterable[int],
+        *,
+        lag_s: float = 0.03,
+        no_load_velocity_rad_s: float = 6.0,
+        voltage_v: float = 12.0,
+    ) -> None:
+        if not lag_s > 0.0:
+            raise ValueError(f"lag_s must be positive, got {lag_s}")
+        self._lag_s = lag_s
+        self._no_load = no_load_velocity_rad_s
+        self._voltage_v = voltage_v
+        self._now_s = 0.0
+        self._servos = {i: _Ideal(DriveCommand(), 0.0) for i in servo_ids}
+
+    def advance(self, to_s: float) -> None:
+        """Move every servo to ``to_s`` in closed form."""
+        step_s = to_s - self._now_s
+        if step_s < 0.0:
+            raise ValueError(f"a plant cannot go back from {self._now_s} s to {to_s} s")
+        if step_s > 0.0:
+            for servo in self._servos.values():
+                self._move(servo, step_s)
+        self._now_s = to_s
+
+    def _move(self, servo: _Ideal, step_s: float) -> None:
+        command = servo.command
+        before = servo.position_rad
+        if not command.torque_enable or command.duty_limit == 0.0:
+            servo.velocity_rad_s = 0.0
+            return
+        limit = min(command.velocity_limit_rad_s, self._no_load * command.duty_limit)
+        if command.operating_mode is OperatingMode.POSITION:
+            servo.position_rad = _approach(
+                before, command.goal_position_rad, limit, self._lag_s, step_s
+            )
+        else:
+            wanted = (
+                command.goal_velocity_rad_s
+                if command.operating_mode is OperatingMode.VELOCITY
+                else command.goal_duty * self._no_load
+            )
+            servo.position_rad = before + max(-limit, min(limit, wanted)) * step_s
+        servo.velocity_rad_s = (servo.position_rad - before) / step_s
+
+    def command(self, servo_id: int, command: DriveCommand) -> None:
+        """Set what a drive shall do from now on."""
+        self._servos[servo_id].command = command
+
+    def sample(self, servo_id: int) -> ServoState:
+        """The state of one servo at the instant last advanced to."""
+        servo = self._servos[servo_id]
+        return ServoState(
+            position_rad=servo.position_rad,
+            velocity_rad_s=servo.velocity_rad_s,
+            duty=position_duty(servo.command, servo.position_rad),
+            torque_nm=0.0,
+            current_a=0.0,
+            voltage_v=self._voltage_v,
+            temperature_c=25.0,
+        )
+
+    def observe(self) -> Mapping[str, float]:
+        """Nobody stands beside an ideal plant: always empty."""
+        return {}
+
+
+def ideal(robot: Robot) -> IdealPlant:
+    """The ideal plant of a robot (the plant named ``ideal`` on the command line)."""
+    return IdealPlant([servo.servo_id for servo in robot.servos])
+
+
+def position_duty(command: DriveCommand, position_rad: float) -> float:
+    """Duty of the proportional position law of :class:`DriveCommand` (no I, no D), -1 to 1."""
+    if not command.torque_enable or command.operating_mode is not OperatingMode.POSITION:
+        return 0.0
+    error = command.goal_position_rad - position_rad
+    ccw = error > 0.0
+    beyond = abs(error) - (command.margin_ccw_rad if ccw else command.margin_cw_rad)
+    if beyond <= 0.0:
+        return 0.0
+    gain = command.gain_ccw_per_rad if ccw else command.gain_cw_per_rad
+    return math.copysign(min(command.punch_duty + gain * beyond, command.duty_limit), error)
+
+
+def _approach(position: float, goal: float, limit: float, lag_s: float, step_s: float) -> float:
+    """Exact solution of ``x' = clip((goal - x) / lag, +-limit)`` over one step."""
+    error = goal - position
+    if limit <= 0.0:
+        return position
+    knee = limit * lag_s  # beyond it the velocity limit acts
+    if abs(error) > knee:
+        at_limit_s = (abs(error) - knee) / limit
+        if at_limit_s >= step_s:
+            return position + math.copysign(limit * step_s, error)
+        position += math.copysign(abs(error) - knee, error)
+        step_s -= at_limit_s
+        error = goal - position
+    return goal - error * math.exp(-step_s / lag_s)

@@ -1,0 +1,172 @@
+"""Robot files: which servo sits at which joint, on which bus.
+
+One TOML file a robot, under ``busemu/tables/robots/``. The bus, the robot's own software and the
+simulator all start from the same file; each reads the part that is its own. This module reads the
+part that all need: the wiring.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from .control_table import ControlTable, TableError, load_table
+
+ROBOTS = Path(__file__).with_name("robots")
+FORMAT = "busemu-robot/1"
+
+
+class RobotError(ValueError):
+    """A robot file that cannot be used: says the file, the entry, the rule and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServoMount:
+    """A servo at its joint: ``servo = direction * (joint - zero)``, both in rad.
+
+    ``zero_rad`` is the joint's angle when the servo is at the centre of its range.
+    """
+
+    servo_id: int
+    model: str
+    joint: str
+    direction: int = 1
+    zero_rad: float = 0.0
+    registers: Mapping[str, int] = field(default_factory=dict)
+
+    def to_servo(self, joint_rad: float) -> float:
+        """The servo's angle [rad] at a joint angle [rad]."""
+        return self.direction * (joint_rad - self.zero_rad)
+
+    def to_joint(self, servo_rad: float) -> float:
+        """The joint's angle [rad] at a servo angle [rad]."""
+        return self.direction * servo_rad + self.zero_rad
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot as its file describes it; ``document`` is the whole file."""
+
+    name: str
+    path: Path
+    protocol: float
+    baud_rate: int
+    timing: str
+    servos: tuple[ServoMount, ...]
+    document: Mapping[str, Any]
+
+    @cached_property
+    def by_id(self) -> Mapping[int, ServoMount]:
+        """Servos by their ID on the bus."""
+        return MappingProxyType({s.servo_id: s for s in self.servos})
+
+    @cached_property
+    def by_joint(self) -> Mapping[str, ServoMount]:
+        """Servos by the joint they move."""
+        return MappingProxyType({s.joint: s for s in self.servos})
+
+    @cached_property
+    def tables(self) -> Mapping[int, ControlTable]:
+        """Control tables by servo ID."""
+        return MappingProxyType({s.servo_id: load_table(s.model) for s in self.servos})
+
+
+def robots() -> tuple[str, ...]:
+    """Names of the robots that come with the package, sorted."""
+    return tuple(sorted(path.stem for path in ROBOTS.glob("*.toml")))
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
+    """A robot by the name of a file that comes with the package, or by a path to a TOML file.
+
+    Raises :class:`RobotError` with one line that says what is wrong and what to do.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        path = ROBOTS / f"{name_or_path}.toml"
+        if not path.is_file():
+            raise RobotError(
+                f"no robot named {str(name_or_path)!r}: use one of {', '.join(robots())}, "
+                "or the path of a robot file ending in .toml"
+            )
+    try:
+        document = tomllib.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise RobotError(f"{path}: cannot be read: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RobotError(f"{path}: not a TOML file: {error}") from None
+    return parse_robot(document, path)
+
+
+def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:
+    """Check the wiring of a robot document. Raises :class:`RobotError`."""
+    if document.get("format") != FORMAT:
+        raise RobotError(f'{path}: needs the line format = "{FORMAT}" at its top')
+    bus = document.get("bus", {})
+    for key in ("protocol", "baud_rate"):
+        if key not in bus:
+            raise RobotError(f"{path}: [bus] needs {key}")
+    if bus["protocol"] not in (1.0, 2.0):
+        raise RobotError(f"{path}: [bus] protocol must be 1.0 or 2.0, not {bus['protocol']}")
+    rows = document.get("servo", [])
+    if not rows:
+        raise RobotError(f"{path}: no [[servo]] is listed")
+    servos = tuple(_mount(row, bus, path) for row in rows)
+    for what, values in (
+        ("id", [s.servo_id for s in servos]),
+        ("joint", [s.joint for s in servos]),
+    ):
+        twice = sorted({str(v) for v in values if values.count(v) > 1})
+        if twice:
+            raise RobotError(f"{path}: servo {what} {', '.join(twice)} is there twice")
+    return Robot(
+        name=str(document.get("name", path.stem)),
+        path=path,
+        protocol=float(bus["protocol"]),
+        baud_rate=int(bus["baud_rate"]),
+        timing=str(bus.get("timing", "ideal")),
+        servos=servos,
+        document=MappingProxyType(dict(document)),
+    )
+
+
+def _mount(row: Mapping[str, Any], bus: Mapping[str, Any], path: Path) -> ServoMount:
+    where = f"{path}: [[servo]] id {row.get('id', '?')}"
+    missing = {"id", "joint"} - set(row)
+    unknown = set(row) - {"id", "joint", "model", "direction", "zero_rad", "registers"}
+    if missing or unknown:
+        problem = f"needs {', '.join(sorted(missing))}" if missing else ""
+        problem = problem or f"unknown key {', '.join(sorted(unknown))}"
+        raise RobotError(f"{where}: {problem}")
+    highest = 253 if bus["protocol"] == 1.0 else 252
+    if not isinstance(row["id"], int) or not 0 <= row["id"] <= highest:
+        raise RobotError(f"{where}: an id is a whole number from 0 to {highest}")
+    model = row.get("model", bus.get("servo_model"))
+    if model is None:
+        raise RobotError(f"{where}: needs model, or [bus] servo_model")
+    try:
+        table = load_table(str(model))
+    except TableError as error:
+        raise RobotError(f"{where}: {error}") from None
+    if table.protocol != bus["protocol"]:
+        raise RobotError(
+            f"{where}: {model} speaks Protocol {table.protocol}, the bus {bus['protocol']}"
+        )
+    if row.get("direction", 1) not in (1, -1):
+        raise RobotError(f"{where}: direction must be 1 or -1")
+    for name in row.get("registers", {}):
+        if name not in table:
+            raise RobotError(f"{where}: {model} has no register {name!r}")
+    return ServoMount(
+        servo_id=row["id"],
+        model=str(model),
+        joint=str(row["joint"]),
+        direction=row.get("direction", 1),
+        zero_rad=float(row.get("zero_rad", 0.0)),
+        registers=MappingProxyType(dict(row.get("registers", {}))),
+    )
