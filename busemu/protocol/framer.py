@@ -1,0 +1,189 @@
+"""From a stream of bytes, cut anywhere, to packets.
+
+The framer holds at most one unfinished packet. It has no clock: the caller sees in `pending` that
+a packet is unfinished and calls `abort` when the gap between two bytes has become too long
+(100 ms in Protocol 1.0, 1.5 ms in 2.0).
+
+**Where a packet begins.** At the first bytes that satisfy the whole of a rule below; everything
+before them is noise. The rules are the regular expressions of `_WIRES`, one for a complete
+beginning and one for a beginning that the end of the stream so far has cut off.
+
+- 1.0: FF FF, an ID that is not FF, a length in 2..250. Of a longer run of FF the last two are the
+  header and the others noise.
+- 2.0: FF FF FD 00, an ID in 0..252 or 254, a length in 3..1024. A stuffed FF FF FD FD is no header,
+  and neither is one with another reserved byte.
+
+**Where it ends.** Where its length says, whatever the bytes between look like. A header inside a
+2.0 packet does not cut it short: a CRC may happen to complete one, fast replies are not stuffed,
+and some senders forget to stuff.
+
+**After a wrong checksum or CRC.** The whole packet is reported once as a `BadPacket`. Its bytes are
+then searched again from the second one on, because the length itself may have been damaged, or
+bytes lost, and the next packet swallowed in part or whole. Such a second reading is trusted less:
+
+- it needs an instruction the protocol defines (for a 1.0 status packet: bit 7 of the error clear),
+  so that two FF among the parameters seldom keep the reader waiting for what is no packet;
+- if its checksum is wrong too, it is dropped in silence: one broken packet, one report. Only bytes
+  not yet reported as part of the bad packet come out as noise.
+
+A servo that simply starts afresh after a bad packet does the same, except that it loses what the
+bad packet had swallowed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from busemu.protocol import v1, v2
+from busemu.protocol.packets import BadPacket, Instruction, Noise, Packet
+
+Role = Literal["device", "host"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Wire:
+    """What the framer must know of one wire format, as data."""
+
+    complete: re.Pattern[bytes]
+    cut_off: re.Pattern[bytes]
+    before_body: int
+    length_of: Callable[[bytes, int], int]
+    credible: frozenset[int]
+    parse: Callable[[bytes], Packet]
+
+
+def _pattern(expression: bytes) -> re.Pattern[bytes]:
+    return re.compile(expression, re.DOTALL | re.VERBOSE)
+
+
+_COMPLETE_1 = _pattern(rb"\xff \xff [^\xff] [\x02-\xfa]")
+_CUT_OFF_1 = _pattern(rb"\xff (?: \xff [^\xff]? )? \Z")
+_COMPLETE_2 = _pattern(
+    rb"\xff \xff \xfd \x00 [^\xfd\xff] (?: [\x03-\xff] \x00 | . [\x01-\x03] | \x00 \x04 )"
+)
+_CUT_OFF_2 = _pattern(rb"\xff (?: \xff (?: \xfd (?: \x00 (?: [^\xfd\xff] .? )? )? )? )? \Z")
+
+_DEFINED_2 = frozenset(Instruction) - {Instruction.USB2AX_SYNC_READ}
+_DEFINED_1 = frozenset(
+    {
+        Instruction.PING,
+        Instruction.READ,
+        Instruction.WRITE,
+        Instruction.REG_WRITE,
+        Instruction.ACTION,
+        Instruction.FACTORY_RESET,
+        Instruction.REBOOT,
+        Instruction.SYNC_WRITE,
+        Instruction.USB2AX_SYNC_READ,
+        Instruction.BULK_READ,
+    }
+)
+
+
+def _length_1(buffer: bytes, start: int) -> int:
+    return buffer[start + 3]
+
+
+def _length_2(buffer: bytes, start: int) -> int:
+    return buffer[start + 5] | buffer[start + 6] << 8
+
+
+def _wire_1(credible: frozenset[int], parse: Callable[[bytes], Packet]) -> _Wire:
+    return _Wire(_COMPLETE_1, _CUT_OFF_1, v1.BEFORE_BODY, _length_1, credible, parse)
+
+
+_WIRE_2 = _Wire(_COMPLETE_2, _CUT_OFF_2, v2.BEFORE_BODY, _length_2, _DEFINED_2, v2.parse)
+_WIRES: dict[tuple[float, Role], _Wire] = {
+    (1.0, "device"): _wire_1(_DEFINED_1, v1.parse_instruction),
+    (1.0, "host"): _wire_1(frozenset(range(0x80)), v1.parse_status),
+    (2.0, "device"): _WIRE_2,
+    (2.0, "host"): _WIRE_2,
+}
+
+
+class Framer:
+    """Cuts a stream of bytes into packets and noise; any bytes are input, none are an error.
+
+    How the stream is divided over calls of `feed` does not change the packets or their order. It
+    may change how noise is divided; between two packets its bytes are the same.
+
+    In Protocol 1.0 the two kinds of packet look alike: for the role "device" every packet is an
+    instruction packet, for "host" every one is a status packet. In 2.0 the packet tells itself.
+    """
+
+    __slots__ = ("_held", "_needed", "_reported", "_wire")
+
+    def __init__(self, protocol: float, *, role: Role = "device") -> None:
+        """Take the protocol version, 1.0 or 2.0, and whose packets to expect."""
+        try:
+            self._wire = _WIRES[protocol, role]
+        except KeyError:
+            raise ValueError(f"no wire format for protocol {protocol!r}, role {role!r}") from None
+        self._held = b""
+        self._needed = 0  # length of _held below which nothing can be decided
+        self._reported = 0  # bytes at the start of _held that a BadPacket already reported
+
+    @property
+    def pending(self) -> int:
+        """Bytes held that may still become a packet."""
+        return len(self._held)
+
+    def abort(self) -> Noise | None:
+        """Drop what is held, as on a gap between bytes; return it unless all was reported."""
+        rest = self._held[self._reported :]
+        self._hold(b"", 0, 0)
+        return Noise(rest) if rest else None
+
+    def feed(self, data: bytes) -> list[Packet]:
+        """Take the next bytes of the stream and return what they complete, in order."""
+        buffer = self._held + data
+        if len(buffer) < self._needed:
+            self._held = buffer
+            return []
+        wire = self._wire
+        size = len(buffer)
+        found: list[Packet] = []
+        position = 0  # where the next packet may begin
+        reported = self._reported  # all before this has been reported
+        while True:
+            match = wire.complete.search(buffer, position)
+            if match is None:
+                cut_off = wire.cut_off.search(buffer, position)
+                start = cut_off.start() if cut_off else size
+                needed = size + 1
+                break
+            start = match.start()
+            body = start + wire.before_body
+            end = body + wire.length_of(buffer, start)
+            if start < reported:  # inside a bad packet
+                if body >= size:
+                    needed = body + 1
+                    break
+                if buffer[body] not in wire.credible:
+                    position = start + 1
+                    continue
+            if end > size:
+                needed = end
+                break
+            packet = wire.parse(buffer[start:end])
+            bad = isinstance(packet, BadPacket)
+            position = start + 1 if bad else end
+            if isinstance(packet, Noise) or (bad and start < reported):
+                continue
+            if reported < start:
+                found.append(Noise(buffer[reported:start]))
+            found.append(packet)
+            reported = end
+        if reported < start:
+            found.append(Noise(buffer[reported:start]))
+            reported = start
+        self._hold(buffer[start:], needed - start, reported - start)
+        return found
+
+    def _hold(self, held: bytes, needed: int, reported: int) -> None:
+        self._held = held
+        self._needed = needed
+        self._reported = reported

@@ -1,0 +1,161 @@
+"""Protocol 2.0 packets, to and from bytes.
+
+Source: e-manual dxl/protocol2. Both kinds of packet have one shape; a status packet has 55 for
+its instruction and its error byte before the parameters::
+
+    FF FF FD | 00 | ID | LENGTH low high | INSTRUCTION | parameters ... | CRC low high
+
+LENGTH counts from the instruction to the CRC, stuffing included: stuffed parameters + 3.
+
+The reply to a fast sync read or fast bulk read is one packet from the broadcast ID to which every
+servo asked adds its own block. The first servo also sends what comes before it, with the LENGTH of
+the whole::
+
+    FF FF FD 00 FE LENGTH 55 | ERROR ID data CRC | ERROR ID data CRC | ...
+
+It is not stuffed. Each CRC covers everything from the header on, earlier CRCs included, so the
+last one is also the CRC of the packet. Nobody else answers from the broadcast ID, and that is how
+a reader tells: a status packet from FE is left raw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from busemu.protocol.crc import crc16
+from busemu.protocol.packets import (
+    BROADCAST_ID,
+    BadPacket,
+    Instruction,
+    InstructionPacket,
+    Noise,
+    StatusPacket,
+)
+from busemu.protocol.stuffing import STUFFED, stuff, unstuff
+
+HEADER = b"\xff\xff\xfd\x00"
+"""The three header bytes and the reserved byte, which is 0 in every packet so far defined."""
+BEFORE_BODY = 7
+"""Bytes before the instruction: what LENGTH does not count."""
+MAX_ID = 0xFC
+MIN_LENGTH = 3
+MAX_LENGTH = 1024
+"""Largest LENGTH taken for one. The e-manual sets no bound; the official SDK drops any status with
+more (RXPACKET_MAX_LEN). A false length from a damaged packet can hold up no more than this."""
+
+STATUS = int(Instruction.STATUS)
+_HEADER_CRC = crc16(HEADER)
+
+
+def encode_instruction(packet: InstructionPacket) -> bytes:
+    """Return the bytes of an instruction packet, stuffed.
+
+    Raises ValueError when the ID is neither in 0..252 nor broadcast, when the instruction is 0x55,
+    which marks a status packet, or when another field does not fit.
+    """
+    instruction = packet.instruction
+    if not 0 <= packet.servo_id <= MAX_ID and packet.servo_id != BROADCAST_ID:
+        raise ValueError(f"Protocol 2.0: ID {packet.servo_id} is not in 0..{MAX_ID} or broadcast")
+    if not 0 <= instruction <= 0xFF or instruction == STATUS:
+        raise ValueError(f"Protocol 2.0: {instruction:#x} is not an instruction from a host")
+    return _encode(packet.servo_id, stuff(bytes((instruction,)) + packet.parameters))
+
+
+def encode_status(packet: StatusPacket) -> bytes:
+    """Return the bytes of a status packet, stuffed.
+
+    Raises ValueError when the ID is not in 0..252 (a reply from the broadcast ID is
+    `encode_fast_status`), or another field does not fit.
+    """
+    _check_sender(packet.servo_id, packet.error)
+    return _encode(packet.servo_id, stuff(bytes((STATUS, packet.error)) + packet.parameters))
+
+
+def encode_fast_status(blocks: Sequence[tuple[int, int, bytes]]) -> bytes:
+    """Return the whole reply to a fast read; each block is (servo ID, error, data).
+
+    Raises ValueError as `fast_status_slices` does.
+    """
+    return b"".join(fast_status_slices(blocks))
+
+
+def fast_status_slices(blocks: Sequence[tuple[int, int, bytes]]) -> list[bytes]:
+    """Return the reply to a fast read as the part each servo puts on the wire, in their order.
+
+    Raises ValueError when there is no block, when an ID is not in 0..252, or when the packet would
+    be too long.
+    """
+    if not blocks:
+        raise ValueError("Protocol 2.0: a fast status packet has at least one block")
+    length = 1 + sum(4 + len(data) for _, _, data in blocks)
+    ahead = _before_body(BROADCAST_ID, length) + bytes((STATUS,))
+    crc = 0
+    slices = []
+    for servo_id, error, data in blocks:
+        _check_sender(servo_id, error)
+        block = ahead + bytes((error, servo_id)) + data
+        check = crc16(block, crc)
+        tail = check.to_bytes(2, "little")
+        crc = crc16(tail, check)
+        slices.append(block + tail)
+        ahead = b""
+    return slices
+
+
+def split_fast_status(
+    packet: StatusPacket, data_lengths: Sequence[int]
+) -> list[tuple[int, int, bytes]]:
+    """Return the blocks (servo ID, error, data) of a status packet from the broadcast ID.
+
+    `data_lengths` are the numbers of bytes that were asked for, servo by servo. The framer has
+    checked the last CRC; the ones between the blocks are not looked at here, because the last one
+    covers them. Raises ValueError when the lengths do not add up.
+    """
+    raw = bytes((packet.error,)) + packet.parameters
+    if packet.servo_id != BROADCAST_ID:
+        raise ValueError(f"Protocol 2.0: a fast status packet is not from ID {packet.servo_id}")
+    if len(raw) + 2 != sum(4 + size for size in data_lengths):
+        raise ValueError(f"Protocol 2.0: {len(raw)} bytes are not blocks of {list(data_lengths)}")
+    blocks = []
+    start = 0
+    for size in data_lengths:
+        blocks.append((raw[start + 1], raw[start], raw[start + 2 : start + 2 + size]))
+        start += 4 + size
+    return blocks
+
+
+def parse(frame: bytes) -> InstructionPacket | StatusPacket | BadPacket | Noise:
+    """Return what a whole frame says; noise if it is a status packet too short for its error."""
+    expected = crc16(frame[4:-2], _HEADER_CRC)
+    actual = frame[-2] | frame[-1] << 8
+    servo_id = frame[4]
+    instruction = frame[7]
+    if expected != actual:
+        return BadPacket(servo_id, instruction, "CRC", expected, actual, frame)
+    if instruction != STATUS:
+        if STUFFED in frame:
+            return InstructionPacket(servo_id, instruction, unstuff(frame[7:-2])[1:])
+        return InstructionPacket(servo_id, instruction, frame[8:-2])
+    if len(frame) == BEFORE_BODY + MIN_LENGTH:
+        return Noise(frame)
+    if servo_id != BROADCAST_ID and STUFFED in frame:
+        return StatusPacket(servo_id, frame[8], unstuff(frame[7:-2])[2:])
+    return StatusPacket(servo_id, frame[8], frame[9:-2])
+
+
+def _check_sender(servo_id: int, error: int) -> None:
+    if not 0 <= servo_id <= MAX_ID:
+        raise ValueError(f"Protocol 2.0: a servo with ID {servo_id}, not in 0..{MAX_ID}, answers")
+    if not 0 <= error <= 0xFF:
+        raise ValueError(f"Protocol 2.0: error {error} is not one byte")
+
+
+def _before_body(servo_id: int, length: int) -> bytes:
+    if length > MAX_LENGTH:
+        raise ValueError(f"Protocol 2.0: length {length} with stuffing, at most {MAX_LENGTH} fits")
+    return b"%b%c%c%c" % (HEADER, servo_id, length & 0xFF, length >> 8)
+
+
+def _encode(servo_id: int, body: bytes) -> bytes:
+    packet = _before_body(servo_id, len(body) + 2) + body
+    return packet + crc16(packet[4:], _HEADER_CRC).to_bytes(2, "little")
