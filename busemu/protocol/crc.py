@@ -8,7 +8,7 @@ listed elsewhere as CRC-16/BUYPASS or CRC-16/UMTS, with the check value 0xFEE8 f
 
 from __future__ import annotations
 
-from struct import unpack
+from struct import Struct
 
 POLYNOMIAL = 0x8005
 
@@ -35,6 +35,8 @@ _OF_BYTE = _table_of_bytes()
 _OF_WORD = [
     (first << 8 & 0xFF00) ^ _OF_BYTE[first >> 8 ^ low] for first in _OF_BYTE for low in range(256)
 ]
+# By length of the data: a reader of it as two-byte numbers, without the first byte if that is odd.
+_WORDS = [Struct(f">{'x' * (size & 1)}{size >> 1}H").unpack for size in range(64)]
 
 
 def crc16(data: bytes, initial: int = 0) -> int:
@@ -46,8 +48,12 @@ def crc16(data: bytes, initial: int = 0) -> int:
     size = len(data)
     if size & 1:
         crc = (crc << 8 & 0xFF00) ^ _OF_BYTE[crc >> 8 ^ data[0]]
-        data = data[1:]
     table = _OF_WORD
-    for word in unpack(f">{size >> 1}H", data):
+    for word in _WORDS[size](data) if size < 64 else _words_of_long(data):
         crc = table[crc ^ word]
     return crc
+
+
+def _words_of_long(data: bytes) -> tuple[int, ...]:
+    size = len(data)
+    return Struct(f">{'x' * (size & 1)}{size >> 1}H").unpack(data)

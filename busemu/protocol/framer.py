@@ -45,12 +45,15 @@ Role = Literal["device", "host"]
 
 @dataclass(frozen=True, slots=True)
 class _Wire:
-    """What the framer must know of one wire format, as data."""
+    """What the framer must know of one wire format, as data.
+
+    `complete` ends with the length, so its match ends where the body (instruction or error)
+    begins; `length_before` reads the length there.
+    """
 
     complete: re.Pattern[bytes]
     cut_off: re.Pattern[bytes]
-    before_body: int
-    length_of: Callable[[bytes, int], int]
+    length_before: Callable[[bytes, int], int]
     credible: frozenset[int]
     parse: Callable[[bytes], Packet]
 
@@ -83,19 +86,19 @@ _DEFINED_1 = frozenset(
 )
 
 
-def _length_1(buffer: bytes, start: int) -> int:
-    return buffer[start + 3]
+def _length_1(buffer: bytes, body: int) -> int:
+    return buffer[body - 1]
 
 
-def _length_2(buffer: bytes, start: int) -> int:
-    return buffer[start + 5] | buffer[start + 6] << 8
+def _length_2(buffer: bytes, body: int) -> int:
+    return buffer[body - 2] | buffer[body - 1] << 8
 
 
 def _wire_1(credible: frozenset[int], parse: Callable[[bytes], Packet]) -> _Wire:
-    return _Wire(_COMPLETE_1, _CUT_OFF_1, v1.BEFORE_BODY, _length_1, credible, parse)
+    return _Wire(_COMPLETE_1, _CUT_OFF_1, _length_1, credible, parse)
 
 
-_WIRE_2 = _Wire(_COMPLETE_2, _CUT_OFF_2, v2.BEFORE_BODY, _length_2, _DEFINED_2, v2.parse)
+_WIRE_2 = _Wire(_COMPLETE_2, _CUT_OFF_2, _length_2, _DEFINED_2, v2.parse)
 _WIRES: dict[tuple[float, Role], _Wire] = {
     (1.0, "device"): _wire_1(_DEFINED_1, v1.parse_instruction),
     (1.0, "host"): _wire_1(frozenset(range(0x80)), v1.parse_status),
@@ -148,16 +151,16 @@ class Framer:
         found: list[Packet] = []
         position = 0  # where the next packet may begin
         reported = self._reported  # all before this has been reported
-        while True:
-            match = wire.complete.search(buffer, position)
+        search = wire.complete.search
+        while position < size:
+            match = search(buffer, position)
             if match is None:
                 cut_off = wire.cut_off.search(buffer, position)
                 start = cut_off.start() if cut_off else size
                 needed = size + 1
                 break
-            start = match.start()
-            body = start + wire.before_body
-            end = body + wire.length_of(buffer, start)
+            start, body = match.span()  # the pattern ends with the length
+            end = body + wire.length_before(buffer, body)
             if start < reported:  # inside a bad packet
                 if body >= size:
                     needed = body + 1
@@ -171,12 +174,14 @@ class Framer:
             packet = wire.parse(buffer[start:end])
             bad = isinstance(packet, BadPacket)
             position = start + 1 if bad else end
-            if isinstance(packet, Noise) or (bad and start < reported):
+            if (bad and start < reported) or isinstance(packet, Noise):
                 continue
             if reported < start:
                 found.append(Noise(buffer[reported:start]))
             found.append(packet)
             reported = end
+        else:
+            start = needed = size
         if reported < start:
             found.append(Noise(buffer[reported:start]))
             reported = start

@@ -44,6 +44,7 @@ MAX_LENGTH = 1024
 more (RXPACKET_MAX_LEN). A false length from a damaged packet can hold up no more than this."""
 
 STATUS = int(Instruction.STATUS)
+_SHORTEST = BEFORE_BODY + MIN_LENGTH
 _HEADER_CRC = crc16(HEADER)
 
 
@@ -136,7 +137,7 @@ def parse(frame: bytes) -> InstructionPacket | StatusPacket | BadPacket | Noise:
         if STUFFED in frame:
             return InstructionPacket(servo_id, instruction, unstuff(frame[7:-2])[1:])
         return InstructionPacket(servo_id, instruction, frame[8:-2])
-    if len(frame) == BEFORE_BODY + MIN_LENGTH:
+    if len(frame) == _SHORTEST:
         return Noise(frame)
     if servo_id != BROADCAST_ID and STUFFED in frame:
         return StatusPacket(servo_id, frame[8], unstuff(frame[7:-2])[2:])
