@@ -118,6 +118,15 @@ def test_the_longest_packets_are_written_and_read():
     assert split_fast_status(packet, [1019]) == fast
 
 
+@pytest.mark.parametrize("count", [252, 253, 254, 255, 256, 508, 509, 510, 764, 765, 766, 1020])
+def test_a_length_of_two_bytes_is_read_as_written(count: int):
+    packet = InstructionPacket(1, 3, bytes(count))
+    wire = v2.encode_instruction(packet)
+    assert int.from_bytes(wire[5:7], "little") == count + 3 == len(wire) - 7
+    framer = Framer(2.0)
+    assert [found for byte in wire for found in framer.feed(bytes((byte,)))] == [packet]
+
+
 def test_blocks_that_do_not_add_up_are_refused():
     (packet,) = Framer(2.0).feed(encode_fast_status([(1, 0, b"\1\2"), (2, 0, b"\3\4")]))
     with pytest.raises(ValueError, match="are not blocks of"):

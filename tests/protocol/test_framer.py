@@ -216,6 +216,16 @@ def test_protocol_2_lost_bytes_do_not_take_the_next_packet_along(lost: int):
     assert framer.pending == 0
 
 
+@pytest.mark.parametrize("lost", range(1, 6))
+def test_lost_bytes_of_a_status_do_not_take_the_next_one_along(lost: int):
+    first = v1.encode_status(StatusPacket(1, 0, b"\x20\x02"))
+    second = StatusPacket(2, 0x24, b"\x21\x02\x07\x08")
+    framer = Framer(1.0, role="host")
+    bad, good = framer.feed(first[:-lost] + v1.encode_status(second))
+    assert isinstance(bad, BadPacket)
+    assert good == second
+
+
 def test_packets_swallowed_whole_by_a_damaged_length_are_found():
     read = wire2(READ2)
     longer = read[:5] + bytes((read[5] + len(wire2(PING2)),)) + read[6:]
