@@ -73,8 +73,9 @@ def open_port(path: str, baud_rate: int) -> Port:
 
 def _why_not_open(path: str, baud_rate: int, error: Exception) -> str:
     code = getattr(error, "errno", None)
-    if code is None and isinstance(error, termios.error) and error.args:
-        code = error.args[0]
+    cause = error.__context__ or error  # pyserial hides the number of a failed ioctl behind its own
+    if code is None and isinstance(cause, termios.error) and cause.args:
+        code = cause.args[0]
     if code in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return (
             f"{path}: no such port: plug the adapter in, or look in /dev/serial/by-id for its name"

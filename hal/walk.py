@@ -24,6 +24,8 @@ STAND_UP_CYCLE_S = 0.02
 #: The controller is never advanced further than this in one cycle [s], so that after a stall of the
 #: bus the legs go on instead of leaping. Assumed.
 LONGEST_ADVANCE_S = 0.1
+#: A walk ends this much early [s], so that rounding of the clock does not add a cycle. Assumed.
+END_TOLERANCE_S = 1e-6
 #: Attempts at reading every joint before anything moves; assumed.
 FIRST_READ_ATTEMPTS = 3
 #: Cycles without a single reply after which the bus counts as dead; assumed.
@@ -178,9 +180,9 @@ class _Run:
     def walk(self, seconds: float, steer: Steering, cycle_s: float) -> None:
         """Cycle until ``seconds`` have gone by."""
         clock, control, report = self._clock, self._control, self._report
-        start_s = began_s = clock.now_s()
+        start_s = began_s = deadline_s = clock.now_s()
         advance_s = 0.0
-        while began_s - start_s < seconds:
+        while began_s - start_s < seconds - END_TOLERANCE_S:
             v_left, v_right = steer(began_s - start_s)
             goals_rad = self._controller.advance(advance_s, v_left, v_right)
             held_rad = np.clip(goals_rad, control.lower_rad, control.upper_rad)
@@ -189,9 +191,10 @@ class _Run:
             self._track(held_rad - positions_rad)
             report.cycles += 1
             if cycle_s:
-                deadline_s = began_s + cycle_s
+                deadline_s += cycle_s
                 if clock.now_s() > deadline_s:
                     report.missed_deadlines += 1
+                    deadline_s = clock.now_s()  # the next cycle starts late, at once
                 clock.sleep_until(deadline_s)
             now_s = clock.now_s()
             self._periods_s.append(now_s - began_s)

@@ -10,9 +10,9 @@ oscillates where ``1 + tau_r / tau_a < W < 1 + b`` (1985, two mutually inhibitin
 
 Time here is in units of ``tau_r``. The equations are integrated by the classical fourth-order
 Runge-Kutta method with the fixed step :data:`STEP`; between steps a state is interpolated linearly.
-So it depends on the instant only, not on how often :meth:`Oscillators.advance` was called. ``u`` and
-``v`` decay with time constants of 20 and 40 steps, far inside the method's stability limit (a step
-of 2.78 time constants), and halving the step moves a state by less than 1e-3 over ten periods.
+So it depends on the instant only, not on how often :meth:`Oscillators.advance` was called. ``u``
+and ``v`` decay with time constants of 20 and 40 steps, far inside the method's stability limit (a
+step of 2.78 time constants); halving the step moves a state by less than 1e-3 over ten periods.
 """
 
 from __future__ import annotations
