@@ -24,9 +24,9 @@ from .oscillator import STEP, Array, OscillatorParameters, Oscillators
 
 #: Sum of the inhibition each leg takes from its neighbours; assumed: locks within some periods.
 COUPLING = 1.0
-#: Random start states are drawn between 0 and this: small beside the locked rhythm, whose ``u``
-#: reaches about 1, so the start-up can be seen. Assumed.
-START_STATE = 0.3
+#: Random start states are drawn between 0 and this. Small beside the locked rhythm, whose ``u``
+#: reaches about 1: the start-up can be seen, and begins near the neutral posture. Assumed.
+START_STATE = 0.05
 #: Time [tau_r] after which a start on the symmetric orbit has come to rest on it, and its length.
 SETTLING = 400.0
 

@@ -80,6 +80,21 @@ def test_stance_feet_do_not_slip_against_each_other(name, v):
 
 
 @pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("v", [(1.0, 1.0), (-1.0, 1.0), (3.0, 0.0)])
+def test_while_both_tripods_stand_all_six_feet_share_one_ground(name, v):
+    feet, stance = path(load_robot(name), *v)
+    overlaps = 0
+    for now, after, both in zip(
+        feet, np.roll(feet, -1, 0), stance & np.roll(stance, -1, 0), strict=True
+    ):
+        if both.all():
+            overlaps += 1
+            apart = [np.linalg.norm(f[:, None] - f[None], axis=-1) for f in (now, after)]
+            assert apart[1] == pytest.approx(apart[0], abs=1e-7)
+    assert overlaps > 10
+
+
+@pytest.mark.parametrize("name", ROBOTS)
 def test_v_left_and_v_right_are_the_ways_of_the_middle_feet(name):
     robot = load_robot(name)
     stride_m = Gait.of(robot).stride_m
@@ -121,6 +136,13 @@ def test_a_stride_of_four_is_in_reach_and_one_of_twenty_is_refused_with_the_boun
     shaping.check(6.0, 6.0)
     with pytest.raises(UnreachableError, match=r"v_left = 20, v_right = 20 .* use at most"):
         shaping.check(20.0, 20.0)
+
+
+def test_a_leg_stands_while_its_extensor_leads_and_swings_while_its_flexor_does():
+    shaping = LocomotionController.of(load_robot("marvin")).shaping
+    for phase, standing in ((0.1, True), (0.25, True), (0.4, True), (0.6, False), (0.9, False)):
+        rhythm = Rhythm(np.full(6, phase), np.ones(6), np.full(6, phase < 0.5))
+        assert (shaping.advance_and_lift(rhythm)[2] == standing).all()
 
 
 def test_amplitude_scales_stride_and_lift():

@@ -67,6 +67,16 @@ def test_standing_up_is_slow_and_ends_in_the_neutral_posture():
     assert control.read_positions() == pytest.approx(controller.neutral_rad, abs=0.003)
 
 
+@pytest.mark.parametrize("name", ["phantomx", "marvin"])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_first_step_begins_near_the_neutral_posture_and_no_goal_leaps(name, seed):
+    control, controller, clock, client = make(name, seed)
+    walk(control, controller, clock, 6.0)
+    goals = [values for register, values in client.calls if register == "goal_position"]
+    steps = [max(abs(b[i] - a[i]) for i in a) for a, b in pairwise(goals)]
+    assert max(steps) < 35  # counts a cycle: 9 rad/s
+
+
 def test_cycles_that_overrun_are_counted_and_not_caught_up_with():
     control, controller, clock, client = make()
     client.read_s = [0.019] * STAND_UP_READS
