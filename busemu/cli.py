@@ -1,5 +1,161 @@
-"""The command line."""
+"""The command line. Packages above the bus add their commands by name (``busemu.commands``)."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from importlib.metadata import entry_points, version
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, NoReturn
+
+import typer
+
+from .assemble import assemble, plants
+from .observe import Observation, ObservationError
+from .ports.pty import LinkError, PtyPort
+from .serve import ServerState, serve
+from .tables import RobotError, TableError, load_robot, robots
+from .timing import ProfileError, load_profile, profiles
+
+#: How often an observer looks [s]: fast enough for pictures of a gait.
+OBSERVE_EVERY_S = 0.02
+
+#: Errors that are the user's to mend: one line, exit code 1.
+USER_ERRORS = (RobotError, TableError, ProfileError, LinkError, ObservationError)
+
+app = typer.Typer(
+    name="busemu",
+    help="A servo bus you can trust without the servos: Dynamixel over a virtual serial port, "
+    "with the real bus's timing and simulated joints behind it.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_show_locals=False,
+)
+
+
+def fail(message: object) -> NoReturn:
+    """End the program with one line that says what is wrong and what to do."""
+    typer.secho(f"busemu: {message}", fg=typer.colors.RED, err=True)
+    raise typer.Exit(1)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    show_version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.")
+    ] = False,
+) -> None:
+    if show_version:
+        typer.echo(version("busemu"))
+        raise typer.Exit
+
+
+@app.command("serve")
+def serve_command(
+    robot: Annotated[
+        str,
+        typer.Option(help=f"One of {', '.join(robots())}, or the path of a robot file (.toml)."),
+    ],
+    timing: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Timing profile: one of {', '.join(profiles())}, or a file (.toml). "
+            "Default: the one the robot file names."
+        ),
+    ] = None,
+    plant: Annotated[
+        str,
+        typer.Option(help="What moves the joints: bullet (physics) or ideal (first order)."),
+    ] = "bullet",
+    link: Annotated[
+        Path | None, typer.Option(help="Keep a symlink of this name to the port while serving.")
+    ] = None,
+    observe: Annotated[
+        Path | None,
+        typer.Option(help="Write what an observer beside the robot sees (.csv with .toml)."),
+    ] = None,
+) -> None:
+    """Open a virtual serial port and be the robot's servos on it, until Ctrl-C.
+
+    Then, in another shell, point any Dynamixel program at the port it prints, for instance
+
+        busemu walk --robot marvin --port /dev/pts/3
+    """
+    signal.signal(signal.SIGTERM, _stop)
+    try:
+        described = load_robot(robot)
+        profile = load_profile(timing or described.timing)
+        makers = plants()
+        if plant not in makers:
+            fail(f"no plant named {plant!r}: use one of {', '.join(makers)}")
+        port = PtyPort(link)
+    except USER_ERRORS as error:
+        fail(error)
+    observation = None
+    try:
+        joints = makers[plant](described)
+        if observe is not None:
+            observation = Observation(observe, described, joints)
+        bus = assemble(described, joints, profile, start_s=time.monotonic())
+        typer.echo(
+            f"{described.name}: {len(bus.servos)} servos, Protocol {described.protocol}, "
+            f"{described.baud_rate} baud; timing {profile.name}, plant {plant}"
+        )
+        typer.echo(f"port {port.path}" + (f" (also {link})" if link else ""))
+        typer.echo(f"try: busemu walk --robot {robot} --port {link or port.path}")
+        sys.stdout.flush()
+        serve(
+            port,
+            bus,
+            tell=_Teller(bus),
+            observe=observation.row if observation else None,
+            observe_every_s=OBSERVE_EVERY_S,
+        )
+    except USER_ERRORS as error:
+        fail(error)
+    except ModuleNotFoundError as error:
+        fail(f"plant {plant!r} needs {error.name}: pip install 'busemu[sim]', or use --plant ideal")
+    except KeyboardInterrupt:
+        typer.echo("\nstopped")
+    finally:
+        if observation is not None:
+            observation.close()
+        port.close()
+
+
+def _stop(signum: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+class _Teller:
+    """Says on one line what the bus is doing; on a terminal the line renews itself."""
+
+    def __init__(self, bus: object) -> None:
+        self._bus = bus
+        self._before = 0
+        self._told_s = time.monotonic()
+        self._start, self._end = ("\r\x1b[K", "") if sys.stdout.isatty() else ("", "\n")
+
+    def __call__(self, state: ServerState) -> None:
+        counts = self._bus.counts  # type: ignore[attr-defined]
+        now_s = time.monotonic()
+        rate = (counts.transactions - self._before) / (now_s - self._told_s)
+        self._before, self._told_s = counts.transactions, now_s
+        late = sorted(state.replies_late_s)
+        replies = f"{late[len(late) // 2] * 1e6:.0f} us" if late else "none yet"
+        line = (
+            f"{rate:6.0f} transactions/s, {counts.errors} errors, "
+            f"replies late by {replies} (median), "
+            f"physics behind by {state.physics_late_s * 1e3:.1f} ms at most"
+        )
+        os.write(sys.stdout.fileno(), f"{self._start}{line}{self._end}".encode())
 
 
 def main() -> None:
-    """Placeholder until the ports stand."""
+    """Run the command line."""
+    for entry in entry_points(group="busemu.commands"):
+        app.command(entry.name)(entry.load())
+    app()

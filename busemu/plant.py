@@ -182,7 +182,10 @@ class IdealPlant:
 
 def ideal(robot: Robot) -> IdealPlant:
     """The ideal plant of a robot (the plant named ``ideal`` on the command line)."""
-    return IdealPlant([servo.servo_id for servo in robot.servos])
+    supply = robot.document.get("supply", {}).get("voltage_v", {})
+    return IdealPlant(
+        [servo.servo_id for servo in robot.servos], voltage_v=float(supply.get("value", 12.0))
+    )
 
 
 def position_duty(command: DriveCommand, position_rad: float) -> float:

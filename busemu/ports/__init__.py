@@ -1,1 +1,1 @@
-""""""
+"""Ends of the wire: where the bytes of a bus meet a program."""

@@ -1,0 +1,84 @@
+"""Instructions to several servos at once: who is asked for what, who is written what.
+
+Layouts (e-manual): a sync instruction names one address and length for all IDs; a bulk instruction
+names them for each. Addresses and lengths are one byte in Protocol 1.0 and two in 2.0. A packet
+whose parameters do not divide up is nobody's: servos cannot answer it and stay silent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .protocol import BROADCAST_ID, Instruction, InstructionPacket
+
+#: servo ID, address, data
+Write = tuple[int, int, bytes]
+
+
+@dataclass(frozen=True, slots=True)
+class GroupRead:
+    """A sync or bulk read: ``items`` are (servo ID, address, length) in the order of replies."""
+
+    instruction: int
+    items: tuple[tuple[int, int, int], ...]
+
+
+def group_writes(packet: InstructionPacket, protocol: float) -> list[Write] | None:
+    """The writes of a sync or bulk write; ``None`` where the packet is neither."""
+    if packet.servo_id != BROADCAST_ID:
+        return None
+    parameters = packet.parameters
+    if packet.instruction == Instruction.SYNC_WRITE:
+        width = 1 if protocol == 1.0 else 2
+        address, length = _pair(parameters, width)
+        body = parameters[2 * width :]
+        if length < 1 or len(body) % (length + 1):
+            return []
+        return [
+            (body[at], address, body[at + 1 : at + 1 + length])
+            for at in range(0, len(body), length + 1)
+        ]
+    if packet.instruction == Instruction.BULK_WRITE and protocol == 2.0:
+        writes: list[Write] = []
+        at = 0
+        while at < len(parameters):
+            address, length = _pair(parameters[at + 1 :], 2)
+            data = parameters[at + 5 : at + 5 + length]
+            if length < 1 or len(data) < length:
+                return []
+            writes.append((parameters[at], address, data))
+            at += 5 + length
+        return writes
+    return None
+
+
+def group_read(packet: InstructionPacket, protocol: float) -> GroupRead | None:
+    """The reads of a sync or bulk read of Protocol 2.0; ``None`` where the packet is neither."""
+    if packet.servo_id != BROADCAST_ID or protocol != 2.0:
+        return None
+    parameters = packet.parameters
+    if packet.instruction == Instruction.SYNC_READ:
+        address, length = _pair(parameters, 2)
+        items = tuple((servo_id, address, length) for servo_id in parameters[4:])
+        return GroupRead(packet.instruction, items)
+    if packet.instruction == Instruction.BULK_READ:
+        if len(parameters) % 5:
+            return GroupRead(packet.instruction, ())
+        return GroupRead(
+            packet.instruction,
+            tuple(
+                (parameters[at], *_pair(parameters[at + 1 :], 2))
+                for at in range(0, len(parameters), 5)
+            ),
+        )
+    return None
+
+
+def _pair(parameters: bytes, width: int) -> tuple[int, int]:
+    """Address and length at the head of ``parameters``; 0 and 0 where they are not all there."""
+    if len(parameters) < 2 * width:
+        return 0, 0
+    return (
+        int.from_bytes(parameters[:width], "little"),
+        int.from_bytes(parameters[width : 2 * width], "little"),
+    )

@@ -1,0 +1,123 @@
+"""An in-process port for the official Python SDK, in virtual time.
+
+The SDK's packet handlers touch time only through their port object, so with this one, unmodified,
+they run as fast as the machine can and every run is the same to the bit::
+
+    clock = VirtualClock()
+    port = SdkPort(assemble(robot, plant, profile), clock)
+    Protocol2PacketHandler().read2ByteTxRx(port, 1, 37)     # clock.now_s() has moved by 3 ms
+"""
+
+from __future__ import annotations
+
+from ..bus import Bus
+from ..clock import VirtualClock
+
+#: What the SDK adds to each timeout [ms]: twice its LATENCY_TIMER, and two. Source: its behaviour.
+SDK_MARGIN_MS = 34.0
+
+
+class SdkPort:
+    """Stands where ``dynamixel_sdk.PortHandler`` stands; the attribute names are the SDK's."""
+
+    def __init__(self, bus: Bus, clock: VirtualClock) -> None:
+        self.bus = bus
+        self.clock = clock
+        self.is_open = True
+        self.is_using = False
+        self.port_name = "virtual"
+        self.packet_start_time = 0.0
+        self.packet_timeout = 0.0
+        self._waiting = bytearray()
+
+    # The SDK's names are camelCase; the interface is theirs.
+    # ruff: noqa: N802
+
+    def openPort(self) -> bool:
+        """Open; always succeeds."""
+        self.is_open = True
+        return True
+
+    def closePort(self) -> None:
+        """Close; what was on its way is lost."""
+        self.is_open = False
+        self._waiting.clear()
+
+    def setPortName(self, port_name: str) -> None:
+        """Rename the port, which changes nothing."""
+        self.port_name = port_name
+
+    def getPortName(self) -> str:
+        """The port's name."""
+        return self.port_name
+
+    def setBaudRate(self, baudrate: int) -> bool:
+        """Set the host's baud rate [bit/s]; servos at another one do not hear it."""
+        self.bus.baud_rate = baudrate
+        return True
+
+    def getBaudRate(self) -> int:
+        """The host's baud rate [bit/s]."""
+        return self.bus.baud_rate
+
+    def clearPort(self) -> None:
+        """Throw away what has arrived and was not read."""
+        self.bus.poll(self.clock.now_s())
+        self._waiting.clear()
+
+    def getBytesAvailable(self) -> int:
+        """Bytes that can be read now."""
+        self._waiting += self.bus.poll(self.clock.now_s())
+        return len(self._waiting)
+
+    def writePort(self, packet: bytes) -> int:
+        """Hand a packet to the bus; takes the host's own time."""
+        self.clock.sleep_until(self.clock.now_s() + self.bus.profile.host_out_s)
+        data = bytes(packet)
+        self.bus.poll(self.clock.now_s())
+        self.bus.receive(data, self.clock.now_s())
+        return len(data)
+
+    def readPort(self, length: int) -> bytes:
+        """Up to ``length`` bytes. With none there, time goes on to the next one or the timeout."""
+        if not self._waiting:
+            self._wait()
+        data = bytes(self._waiting[:length])
+        del self._waiting[:length]
+        return data
+
+    def _wait(self) -> None:
+        limit_s = (self.packet_start_time + self.packet_timeout) / 1e3
+        while True:
+            self._waiting += self.bus.poll(self.clock.now_s())
+            if self._waiting:
+                self.clock.sleep_until(self.clock.now_s() + self.bus.profile.host_in_s)
+                return
+            if self.clock.now_s() > limit_s:
+                return
+            self.clock.sleep_until(min(self.bus.next_deadline_s(), limit_s + 1e-6))
+
+    def setPacketTimeout(self, packet_length: int) -> None:
+        """Start the SDK's timeout for a reply of so many bytes."""
+        byte_ms = 10_000.0 / self.bus.baud_rate
+        self.setPacketTimeoutMillis(byte_ms * packet_length + SDK_MARGIN_MS)
+
+    def setPacketTimeoutMillis(self, msec: float) -> None:
+        """Start a timeout [ms]."""
+        self.packet_start_time = self.getCurrentTime()
+        self.packet_timeout = msec
+
+    def isPacketTimeout(self) -> bool:
+        """Whether the timeout has run out."""
+        if self.getTimeSinceStart() > self.packet_timeout:
+            self.packet_timeout = 0.0
+            return True
+        return False
+
+    def getCurrentTime(self) -> float:
+        """Virtual time [ms]."""
+        return self.clock.now_s() * 1e3
+
+    def getTimeSinceStart(self) -> float:
+        """Since the timeout was started [ms]."""
+        return self.getCurrentTime() - self.packet_start_time

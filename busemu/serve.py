@@ -1,0 +1,107 @@
+"""One loop between a port and a bus: wait for bytes or for the next deadline, and keep the joints
+moving in the meantime.
+
+There is one thread and no lock. While a reply is on its way the loop advances the joints in small
+slices; just before the reply is due it stops that and spins, so that the reply leaves in time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from .bus import Bus
+from .ports.pty import PtyPort
+
+#: Joints are advanced at most so far at once [s], so that arriving bytes are seen soon.
+SLICE_S = 0.001
+#: So long before a reply is due nothing else is begun [s]: longer than a slice takes to compute.
+GUARD_S = 0.0004
+#: So long before a reply is due the loop stops sleeping and spins [s]: longer than a sleep overshoots.
+SPIN_S = 0.00015
+#: With nothing to do the loop sleeps so long at most [s].
+IDLE_S = 0.0005
+
+_PR_SET_TIMERSLACK = 29
+
+
+@dataclass(slots=True)
+class ServerState:
+    """How well the server keeps up. Latenesses are of the last while, in seconds."""
+
+    started_s: float
+    replies_late_s: deque[float] = field(default_factory=lambda: deque(maxlen=2000))
+    physics_late_s: float = 0.0  #: how far the joints were behind the clock at worst, since last told
+
+
+def serve(
+    port: PtyPort,
+    bus: Bus,
+    *,
+    every_s: float = 5.0,
+    tell: Callable[[ServerState], None] | None = None,
+    observe_every_s: float = 0.0,
+    observe: Callable[[float], None] | None = None,
+) -> None:
+    """Serve ``bus`` on ``port`` in wall-clock time, until an exception (Ctrl-C) ends it.
+
+    ``tell`` is called about every ``every_s`` and ``observe`` every ``observe_every_s`` [s], never
+    while a reply is due.
+    """
+    _precise_sleep()
+    gc.collect()
+    gc.freeze()
+    now_s = time.monotonic()
+    state = ServerState(now_s)
+    tell_s, observe_s = now_s + every_s, now_s
+    while True:
+        now_s = time.monotonic()
+        reply_s = bus.next_reply_s()
+        if reply_s is not None and reply_s - now_s < GUARD_S:
+            _wait_until(reply_s)
+            port.write(bus.poll(time.monotonic()))
+            state.replies_late_s.append(time.monotonic() - reply_s)
+            continue
+        if port.wait(0.0):
+            bus.baud_rate = port.baud_rate() or bus.baud_rate
+            now_s = time.monotonic()
+            bus.receive(port.read(), now_s)
+        behind_s = now_s - bus.plant_s
+        until_s = min(now_s, bus.plant_s + SLICE_S)
+        port.write(bus.poll(until_s))
+        bus.advance_plant(until_s)
+        if behind_s > SLICE_S:
+            state.physics_late_s = max(state.physics_late_s, behind_s)
+            continue
+        if observe is not None and now_s >= observe_s:
+            observe(bus.plant_s)
+            observe_s += observe_every_s
+        elif tell is not None and now_s >= tell_s:
+            port.unlock()
+            tell(state)
+            state.physics_late_s = 0.0
+            tell_s = now_s + every_s
+        else:
+            due_s = bus.next_deadline_s()
+            if bus.next_reply_s() is not None:
+                due_s = min(due_s, now_s + GUARD_S)
+            port.wait(max(0.0, min(IDLE_S, due_s - time.monotonic())))
+
+
+def _wait_until(instant_s: float) -> None:
+    """Sleep for most of the time and spin for the rest, so as not to be late."""
+    sleep_s = instant_s - SPIN_S - time.monotonic()
+    if sleep_s > 0.0:
+        time.sleep(sleep_s)
+    while time.monotonic() < instant_s:
+        pass
+
+
+def _precise_sleep() -> None:
+    """Ask the kernel to wake this process without its usual 50 us of slack."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)

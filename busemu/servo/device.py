@@ -1,0 +1,265 @@
+"""One servo on the bus: an instruction comes in, registers change, a status packet may go out."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from ..plant import OperatingMode, Plant
+from ..protocol import BROADCAST_ID, Instruction, StatusPacket
+from ..tables import ControlTable, ServoMount
+from .memory import Memory
+from .registers import drive_command, operating_mode, show_load, show_state
+from .shutdown import Protection
+from .status import Refusal, error_byte
+
+#: Time from a reboot until the servo listens again [s]. Assumed.
+REBOOT_S = 0.2
+
+#: Instructions that a servo takes when it alone is addressed, by protocol.
+INSTRUCTIONS = MappingProxyType(
+    {
+        1.0: frozenset({1, 2, 3, 4, 5, 6}),
+        2.0: frozenset({1, 2, 3, 4, 5, 6, 8}),
+    }
+)
+#: Instructions that bring data, which status return level 1 answers. Level 0 answers ping only.
+READING = frozenset(
+    {Instruction.PING, Instruction.READ, Instruction.SYNC_READ, Instruction.BULK_READ}
+)
+_FACTORY_RESET_KEEPS = MappingProxyType(
+    {0xFF: frozenset[str](), 0x01: frozenset({"id"}), 0x02: frozenset({"id", "baud_rate"})}
+)
+
+
+class Servo:
+    """A servo of one model, wired to one joint of a plant.
+
+    Time enters as ``now_s`` [s, the bus's clock]; the plant must have been advanced to it.
+    """
+
+    def __init__(self, mount: ServoMount, table: ControlTable, plant: Plant, baud_rate: int) -> None:
+        self.joint = mount.joint
+        self.table = table
+        self.memory = Memory(table)
+        self.protection = Protection(table)
+        self._plant = plant
+        self._plant_id = mount.servo_id
+        self._registered: tuple[int, bytes] | None = None
+        self._deaf_until_s = 0.0
+        self._load_due_s = 0.0
+        self._load_refresh_s = float(table.drive["load_refresh_s"])
+        self.memory["id"] = mount.servo_id
+        self.memory["baud_rate"] = baud_rate_code(table, baud_rate)
+        for name, raw in mount.registers.items():
+            self.memory[name] = raw
+        self._power_on()
+
+    def _power_on(self) -> None:
+        """What a servo does when it gets power: RAM from the table, goal where it stands."""
+        memory = self.memory
+        memory.reset(r for r in self.table.registers if r.area == "RAM")
+        self.protection = Protection(self.table)
+        self._registered = None
+        show_state(memory, self._plant.sample(self._plant_id))
+        memory["goal_position"] = memory["present_position"]
+        memory["torque_limit"] = memory["max_torque"]
+        self._plant.command(self._plant_id, drive_command(memory))
+
+    @property
+    def servo_id(self) -> int:
+        """Its ID on the bus."""
+        return self.memory["id"]
+
+    @property
+    def baud_rate(self) -> int:
+        """The baud rate its ``baud_rate`` register stands for [bit/s]."""
+        code = self.memory["baud_rate"]
+        return self.table.baud_rates.get(code) or round(2_000_000 / (code + 1))
+
+    @property
+    def return_delay_s(self) -> float:
+        """Its return delay time [s]."""
+        return self.memory.si("return_delay_time")
+
+    def listens(self, now_s: float) -> bool:
+        """Whether it takes packets in: not so while it reboots."""
+        return now_s >= self._deaf_until_s
+
+    def answers(self, instruction: int) -> bool:
+        """Whether its status return level has it answer an instruction to it alone."""
+        level = self.memory["status_return_level"]
+        if instruction == Instruction.PING:
+            return True
+        return level >= (1 if instruction in READING else 2)
+
+    def status(self, refusal: Refusal | None = None, parameters: bytes = b"") -> StatusPacket:
+        """A status packet of this servo as it is now."""
+        error = error_byte(self.table.protocol, refusal, self.protection.alarms)
+        return StatusPacket(self.servo_id, error, parameters)
+
+    # -- instructions ------------------------------------------------------------------------
+
+    def execute(
+        self, servo_id: int, instruction: int, parameters: bytes, now_s: float
+    ) -> StatusPacket | None:
+        """Carry out an instruction to ``servo_id`` (its own ID, or the broadcast ID).
+
+        Returns the status packet, or ``None`` where the servo stays silent.
+        """
+        silent = servo_id == BROADCAST_ID or not self.answers(instruction)
+        own_id = self.servo_id
+        refusal: Refusal | None = None
+        data = b""
+        two = self.table.protocol == 2.0
+        width = 2 if two else 1
+        if instruction not in INSTRUCTIONS[self.table.protocol]:
+            refusal = Refusal.INSTRUCTION
+        elif instruction == Instruction.PING:
+            data = self.identity()
+        elif instruction == Instruction.READ:
+            if len(parameters) != 2 * width:
+                refusal = Refusal.LENGTH
+            else:
+                address = int.from_bytes(parameters[:width], "little")
+                length = int.from_bytes(parameters[width:], "little")
+                refusal, data = self.read(address, length)
+        elif instruction in (Instruction.WRITE, Instruction.REG_WRITE):
+            if len(parameters) <= width:
+                refusal = Refusal.LENGTH
+            else:
+                address = int.from_bytes(parameters[:width], "little")
+                if instruction == Instruction.WRITE:
+                    refusal = self.write(address, parameters[width:])
+                else:
+                    refusal = self._register(address, parameters[width:])
+        elif instruction == Instruction.ACTION:
+            refusal = self._action()
+        elif instruction == Instruction.FACTORY_RESET:
+            refusal = self._factory_reset(parameters, everyone=servo_id == BROADCAST_ID)
+        else:
+            status = self.status()
+            self._reboot(now_s)
+            return None if silent else status
+        if silent:
+            return None
+        status = self.status(refusal, data if refusal is None else b"")
+        return StatusPacket(own_id, status.error, status.parameters)
+
+    def identity(self) -> bytes:
+        """What a ping brings: nothing in 1.0, model number and firmware version in 2.0."""
+        if self.table.protocol == 1.0:
+            return b""
+        number = self.memory["model_number"].to_bytes(2, "little")
+        return number + bytes([self.memory["firmware_version"]])
+
+    def read(self, address: int, length: int) -> tuple[Refusal | None, bytes]:
+        """Read registers as they are at this instant."""
+        if not self.memory.covers(address, length):
+            return Refusal.ACCESS, b""
+        show_state(self.memory, self._plant.sample(self._plant_id))
+        return None, self.memory.read(address, length)
+
+    def write(self, address: int, data: bytes) -> Refusal | None:
+        """Write registers; a refused write changes nothing."""
+        refusal = self._check(address, data)
+        if refusal is None:
+            self._store(address, data)
+        return refusal
+
+    def _check(self, address: int, data: bytes) -> Refusal | None:
+        memory = self.memory
+        refusal = memory.check(address, data)
+        if refusal is not None:
+            return refusal
+        lock = str(self.table.drive["eeprom_locked_by"])
+        for register in memory.registers(address, len(data)):
+            if memory[lock] and (register.area == "EEPROM" or register.name == lock == "lock"):
+                return Refusal.ACCESS
+            after = memory.after(register, address, data)
+            if register.name == "goal_position" and not self._within_limits(after):
+                return Refusal.LIMIT
+            if register.name == "torque_enable" and after and self._is_shut_down():
+                return Refusal.RESULT
+        return None
+
+    def _within_limits(self, goal: int) -> bool:
+        if operating_mode(self.memory) is OperatingMode.VELOCITY:
+            return True
+        return self.memory["cw_angle_limit"] <= goal <= self.memory["ccw_angle_limit"]
+
+    def _is_shut_down(self) -> bool:
+        """Whether an alarm shutdown holds until a reboot (models that cut ``torque_enable``)."""
+        cut = self.table.drive["shutdown_cuts"] == "torque_enable"
+        return cut and bool(self.protection.coded() & self.memory["shutdown"])
+
+    def _store(self, address: int, data: bytes) -> None:
+        self.memory.store(address, data)
+        touched = {register.name for register in self.memory.registers(address, len(data))}
+        if "torque_limit" in touched and self.memory["torque_limit"]:
+            self.protection.clear()
+        self._plant.command(self._plant_id, drive_command(self.memory))
+
+    def _register(self, address: int, data: bytes) -> Refusal | None:
+        refusal = self._check(address, data)
+        if refusal is None:
+            self._registered = (address, data)
+            self._show_registered()
+        return refusal
+
+    def _action(self) -> Refusal | None:
+        if self._registered is None:
+            return Refusal.INSTRUCTION
+        address, data = self._registered
+        self._registered = None
+        self._show_registered()
+        return self.write(address, data)
+
+    def _show_registered(self) -> None:
+        for name in ("registered_instruction", "registered"):
+            if name in self.table:
+                self.memory[name] = int(self._registered is not None)
+
+    def _factory_reset(self, parameters: bytes, *, everyone: bool) -> Refusal | None:
+        keeps = frozenset[str]()
+        if self.table.protocol == 2.0:
+            if len(parameters) != 1:
+                return Refusal.LENGTH
+            if parameters[0] not in _FACTORY_RESET_KEEPS:
+                return Refusal.RANGE
+            if everyone and parameters[0] == 0xFF:
+                return Refusal.RESULT
+            keeps = _FACTORY_RESET_KEEPS[parameters[0]]
+        elif parameters:
+            return Refusal.LENGTH
+        self.memory.reset(r for r in self.table.registers if r.name not in keeps)
+        self._power_on()
+        return None
+
+    def _reboot(self, now_s: float) -> None:
+        self._power_on()
+        self._deaf_until_s = now_s + REBOOT_S
+
+    # -- what goes on without any instruction --------------------------------------------------
+
+    def tick(self, now_s: float) -> None:
+        """Housekeeping, every few milliseconds: protection, and the load register's slow refresh."""
+        state = self._plant.sample(self._plant_id)
+        if now_s >= self._load_due_s:
+            show_load(self.memory, state)
+            self._load_due_s = now_s + self._load_refresh_s
+        if self.protection.watch(state, self.memory, now_s):
+            cut = str(self.table.drive["shutdown_cuts"])
+            if self.memory[cut]:
+                self.memory[cut] = 0
+                self._plant.command(self._plant_id, drive_command(self.memory))
+        if "hardware_error_status" in self.table:
+            self.memory["hardware_error_status"] = self.protection.coded()
+
+
+def baud_rate_code(table: ControlTable, baud_rate: int) -> int:
+    """The value of the ``baud_rate`` register for a baud rate; ``ValueError`` if there is none."""
+    for code, rate in table.baud_rates.items():
+        if rate == baud_rate:
+            return code
+    known = ", ".join(str(rate) for rate in table.baud_rates.values())
+    raise ValueError(f"{table.model} cannot be set to {baud_rate} baud; it knows {known}")

@@ -1,0 +1,88 @@
+"""A servo's registers as bytes, and the rules that guard them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ..tables import ControlTable, Register
+from .status import Refusal
+
+
+class Memory:
+    """The control table of one servo, as the bytes it holds.
+
+    A write is checked whole before any byte of it is stored, so a refused write changes nothing.
+    Reserved addresses between registers read as 0 and swallow writes.
+    """
+
+    def __init__(self, table: ControlTable) -> None:
+        self.table = table
+        self._bytes = bytearray(table.size)
+        self._at: list[Register | None] = [None] * table.size
+        for register in table.registers:
+            for address in range(register.address, register.address + register.size):
+                self._at[address] = register
+        self.reset(table.registers)
+
+    def reset(self, registers: Iterable[Register]) -> None:
+        """Put initial values into ``registers``; those without one become 0."""
+        for register in registers:
+            self[register.name] = register.initial or 0
+
+    def __getitem__(self, name: str) -> int:
+        register = self.table[name]
+        start = register.address
+        return int.from_bytes(self._bytes[start : start + register.size], "little")
+
+    def __setitem__(self, name: str, raw: int) -> None:
+        register = self.table[name]
+        start = register.address
+        self._bytes[start : start + register.size] = raw.to_bytes(register.size, "little")
+
+    def si(self, name: str) -> float:
+        """A register's value in SI."""
+        return self.table[name].to_si(self[name])
+
+    def covers(self, address: int, length: int) -> bool:
+        """Whether all of the addresses exist."""
+        return length > 0 and address + length <= len(self._bytes)
+
+    def read(self, address: int, length: int) -> bytes:
+        """The bytes at an address; the caller has made sure that they exist."""
+        return bytes(self._bytes[address : address + length])
+
+    def registers(self, address: int, length: int) -> list[Register]:
+        """The registers that any of the addresses belong to, in order."""
+        found: list[Register] = []
+        for register in self._at[address : address + length]:
+            if register is not None and (not found or found[-1] is not register):
+                found.append(register)
+        return found
+
+    def check(self, address: int, data: bytes) -> Refusal | None:
+        """Whether the write would break a rule of the table: existence, access, range."""
+        if not self.covers(address, len(data)):
+            return Refusal.ACCESS
+        touched = self.registers(address, len(data))
+        if not touched or not all(register.writable for register in touched):
+            return Refusal.ACCESS
+        for register in touched:
+            count = register.decode(self.after(register, address, data))
+            if not register.minimum <= count <= register.maximum:
+                return Refusal.RANGE
+        return None
+
+    def after(self, register: Register, address: int, data: bytes) -> int:
+        """The raw value that a register would have after the write."""
+        held = bytearray(self.read(register.address, register.size))
+        for offset in range(register.size):
+            index = register.address + offset - address
+            if 0 <= index < len(data):
+                held[offset] = data[index]
+        return int.from_bytes(held, "little")
+
+    def store(self, address: int, data: bytes) -> None:
+        """Store a checked write."""
+        for offset, value in enumerate(data):
+            if self._at[address + offset] is not None:
+                self._bytes[address + offset] = value

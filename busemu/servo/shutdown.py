@@ -1,0 +1,56 @@
+"""When a servo protects itself: voltage, temperature, overload.
+
+What is watched is the plant's state; what follows is coded by the model's ``shutdown`` register.
+"""
+
+from __future__ import annotations
+
+from ..plant import ServoState
+from ..tables import ControlTable
+from .memory import Memory
+from .status import ALARM_BITS_V1, ALARM_BITS_XL320, Alarm
+
+#: A joint slower than this under full duty is stalled, not slewing [rad/s]. Assumed.
+STALL_VELOCITY_RAD_S = 0.2
+
+
+class Protection:
+    """Watches one servo and says which alarms it holds.
+
+    Voltage and temperature alarms last as long as their cause. Overload needs a stalled joint at
+    the drive's full duty for the model's ``overload_s``, and is held until :meth:`clear`.
+    """
+
+    def __init__(self, table: ControlTable) -> None:
+        self.alarms = Alarm.NONE
+        self._share = float(table.drive.get("overload_torque", 1.0))
+        self._allowed_s = float(table.drive.get("overload_s", 1.0))
+        self._stalled_since_s: float | None = None
+        self._bits = ALARM_BITS_V1 if table.protocol == 1.0 else ALARM_BITS_XL320
+
+    def watch(self, state: ServoState, memory: Memory, now_s: float) -> bool:
+        """Update the alarms; true when the servo must shut down because of one it now holds."""
+        alarms = self.alarms & Alarm.OVERLOAD
+        low, high = memory.si("min_voltage_limit"), memory.si("max_voltage_limit")
+        if not low <= round(state.voltage_v, 1) <= high:
+            alarms |= Alarm.VOLTAGE
+        if state.temperature_c > memory.si("temperature_limit"):
+            alarms |= Alarm.OVERHEATING
+        stalled = abs(state.duty) >= self._share and abs(state.velocity_rad_s) < STALL_VELOCITY_RAD_S
+        if not stalled:
+            self._stalled_since_s = None
+        elif self._stalled_since_s is None:
+            self._stalled_since_s = now_s
+        elif now_s - self._stalled_since_s >= self._allowed_s:
+            alarms |= Alarm.OVERLOAD
+        self.alarms = alarms
+        return bool(self.coded() & memory["shutdown"])
+
+    def coded(self) -> int:
+        """The alarms as bits of the model's ``shutdown`` register."""
+        return sum(bit for alarm, bit in self._bits.items() if alarm in self.alarms)
+
+    def clear(self) -> None:
+        """Forget a held overload."""
+        self.alarms &= ~Alarm.OVERLOAD
+        self._stalled_since_s = None
