@@ -1,0 +1,27 @@
+"""Recordings: decoded bus logs, the one format in which all tools here exchange measurements."""
+
+from .describe import describe
+from .errors import RecordingError
+from .files import read, write
+from .joints import JointTrack, joint_track, joint_tracks
+from .oddities import Gap, Oddities, gaps, oddities
+from .recorder import Recorder
+from .recording import Access, Recording, Series
+
+__all__ = [
+    "Access",
+    "Gap",
+    "JointTrack",
+    "Oddities",
+    "Recorder",
+    "Recording",
+    "RecordingError",
+    "Series",
+    "describe",
+    "gaps",
+    "joint_track",
+    "joint_tracks",
+    "oddities",
+    "read",
+    "write",
+]

@@ -1,0 +1,96 @@
+"""Recordings as files: ``NAME.parquet``, or ``NAME.csv`` with ``NAME.toml`` beside it.
+
+Writing never leaves half a file. All bytes go to a hidden file in the same folder first, are
+flushed to the disk, and take their name in one step. Of a pair the metadata takes its name before
+the table, and a table that is to be replaced goes before both: at no instant does a table stand
+beside missing or foreign metadata. A process that is killed may leave a hidden ``.NAME.*.part``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from . import csv_table, parquet_table
+from .errors import RecordingError
+from .metadata import from_toml, to_toml
+from .recording import Recording
+
+
+def read(path: str | Path) -> Recording:
+    """Read a recording: a ``.parquet`` file, or a ``.csv`` file with a ``.toml`` beside it.
+
+    Either of the pair may be named. Raises :class:`RecordingError` with the file, the row and the
+    rule if it is refused, and ``OSError`` if it cannot be read.
+    """
+    path = _known(Path(path))
+    if path.suffix == ".parquet":
+        table, text = parquet_table.load(path)
+        return Recording.checked(table, from_toml(text, path), path)
+    beside = path.with_suffix(".toml")
+    path = path.with_suffix(".csv")
+    for there, other in ((path, beside), (beside, path)):
+        if not there.exists() and other.exists():
+            raise RecordingError(
+                other, f"{there.name} is missing beside it: a table and its metadata go together"
+            )
+    metadata = from_toml(beside.read_bytes(), beside)
+    return Recording.checked(csv_table.load(path), metadata, path)
+
+
+def write(recording: Recording, path: str | Path) -> Path:
+    """Write ``recording`` as the encoding that the suffix names; ``.csv`` writes a ``.toml`` too.
+
+    A file of that name is replaced. Returns the path of the table. Raises :class:`RecordingError`
+    for another suffix and ``OSError`` if the disk says no; then nothing has changed.
+    """
+    path = _known(Path(path))
+    text = to_toml(recording.metadata)
+    if path.suffix == ".parquet":
+        with _replacing(path, lambda file: parquet_table.save(recording.table, text, file)) as name:
+            name()
+        return path
+    beside = path.with_suffix(".toml")
+    path = path.with_suffix(".csv")
+    with (
+        _replacing(beside, lambda file: file.write(text.encode())) as name_metadata,
+        _replacing(path, lambda file: csv_table.save(recording.table, file)) as name_table,
+    ):
+        path.unlink(missing_ok=True)
+        name_metadata()
+        name_table()
+    return path
+
+
+def _known(path: Path) -> Path:
+    if path.suffix not in (".parquet", ".csv", ".toml"):
+        raise RecordingError(
+            path, f"a recording's name ends in .parquet or .csv, not in {path.suffix!r}"
+        )
+    return path
+
+
+@contextmanager
+def _replacing(path: Path, fill: Callable[[BinaryIO], object]) -> Iterator[Callable[[], None]]:
+    """Fill a hidden file beside ``path``; yields what gives it its name. Removed if that fails."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with part.open("wb") as file:
+            fill(file)
+            file.flush()
+            os.fsync(file.fileno())
+        yield lambda: _rename(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _rename(part: Path, path: Path) -> None:
+    part.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

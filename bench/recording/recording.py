@@ -1,0 +1,195 @@
+"""A recording: what a host wrote to and read from servos' registers, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from busemu.tables import ControlTable, Register, Robot
+
+from .columns import canonical, numbers, servo_ids, texts
+from .errors import RecordingError
+from .metadata import check_metadata, known_robot, known_tables, plain
+from .rules import check_rows
+
+Floats = NDArray[np.float64]
+
+
+class Access(Protocol):
+    """One access of one register of one servo: a row of the event table.
+
+    ``t_s``: when the last byte of the instruction packet left the host [s]. ``t_reply_s``: when the
+    last byte of the status packet with this value reached it [s], NaN if none did. ``op``:
+    ``"read"`` or ``"write"``. ``raw``: the unsigned value on the wire, NaN if no answer came. An
+    access may also have ``t_latch_s``: when the servo took or sampled the value [s].
+    """
+
+    @property
+    def t_s(self) -> float: ...  # noqa: D102
+    @property
+    def t_reply_s(self) -> float: ...  # noqa: D102
+    @property
+    def servo_id(self) -> int: ...  # noqa: D102
+    @property
+    def op(self) -> str: ...  # noqa: D102
+    @property
+    def register(self) -> str: ...  # noqa: D102
+    @property
+    def raw(self) -> float: ...  # noqa: D102
+
+
+class Series(NamedTuple):
+    """Values of one register of one servo over time, both of shape (n,).
+
+    ``t_sample_s`` is the host's time at the end of the instruction packet, the best estimate of the
+    instant of the sample that a bus alone gives: a servo looks its value up when it has the
+    instruction, and the rest of the wait is the answer's way back.
+    """
+
+    t_sample_s: Floats
+    value: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """An event table with its metadata; the rules were checked when it was made.
+
+    Make one with :meth:`of` or :meth:`checked`, or :func:`bench.recording.read` a file. ``table``
+    is a ``pyarrow.Table`` in the order of time, columns as in :mod:`bench.recording.columns`;
+    ``robot`` and ``models`` (control tables by servo ID) are what the metadata's names stand for,
+    as far as they are known here.
+    """
+
+    table: pa.Table
+    metadata: dict[str, Any]
+    path: Path | None
+    robot: Robot | None
+    models: Mapping[int, ControlTable]
+
+    @classmethod
+    def checked(
+        cls, table: pa.Table, metadata: Mapping[str, Any], path: Path | None = None
+    ) -> Recording:
+        """Make a recording of a table with at least the format's columns.
+
+        Raises :class:`RecordingError` with the file, the row and the rule that is broken.
+        """
+        document = plain(metadata, path)
+        check_metadata(document, path)
+        table = canonical(table, path)
+        robot = known_robot(document, path)
+        models = known_tables(document, robot)
+        check_rows(table, models, path)
+        return cls(table, document, path, robot, models)
+
+    @classmethod
+    def of(cls, accesses: Iterable[Access], metadata: Mapping[str, Any]) -> Recording:
+        """Make a recording of accesses in any order; adds ``format`` to ``metadata`` if missing."""
+        from .recorder import Recorder  # noqa: PLC0415 - a recorder ends by making a recording
+
+        recorder = Recorder()
+        for access in accesses:
+            recorder(access)
+        return recorder.recording(metadata)
+
+    def __len__(self) -> int:
+        """Rows of the event table."""
+        return int(self.table.num_rows)
+
+    @property
+    def name(self) -> str:
+        """The recording's name: as its metadata has it, else its file's."""
+        return str(self.metadata.get("name") or (self.path.stem if self.path else "unnamed"))
+
+    @property
+    def t_s(self) -> Floats:
+        """Times of all rows [s], shape (rows,), ascending."""
+        return numbers(self.table, "t_s")
+
+    @property
+    def duration_s(self) -> float:
+        """From the first row to the last [s]; 0 for an empty recording."""
+        times = self.t_s
+        return float(times[-1] - times[0]) if len(times) else 0.0
+
+    @property
+    def servo_ids(self) -> tuple[int, ...]:
+        """IDs of the servos on the bus, ascending; namespaced registers belong to none."""
+        return tuple(np.unique(servo_ids(self.table)[self.on_bus]).tolist())
+
+    @property
+    def registers(self) -> tuple[str, ...]:
+        """Names of all registers, those under a namespace too, sorted."""
+        return tuple(sorted(texts(self.table, "register")[1]))
+
+    @property
+    def on_bus(self) -> NDArray[np.bool_]:
+        """Which rows are accesses of a servo (not values under a namespace), shape (rows,)."""
+        codes, names = texts(self.table, "register")
+        return np.isin(codes, [i for i, name in enumerate(names) if "/" not in name])
+
+    def rows(self, servo_id: int, register: str, op: str | None = None) -> NDArray[np.intp]:
+        """Find the rows (from 0) of one register: all, or only its ``"read"`` or ``"write"``."""
+        codes, names = texts(self.table, "register")
+        if register not in names:
+            return np.empty(0, dtype=np.intp)
+        mask = (codes == names.index(register)) & (servo_ids(self.table) == servo_id)
+        if op is not None:
+            codes, ops = texts(self.table, "op")
+            mask &= codes == ops.index(op) if op in ops else False
+        return np.flatnonzero(mask)
+
+    def series(self, servo_id: int, register: str, op: str | None = None) -> Series:
+        """Give raw values of one register over time; lost replies are left out."""
+        rows = self.rows(servo_id, register, op)
+        raw = numbers(self.table, "raw")[rows]
+        there = ~np.isnan(raw)
+        return Series(self.t_s[rows][there], raw[there])
+
+    def si(self, servo_id: int, register: str, op: str | None = None) -> Series:
+        """:meth:`series` in SI, in the register's ``si_unit``; as it is for a namespaced register.
+
+        Raises :class:`RecordingError` if the servo's model is not known.
+        """
+        times, raw = self.series(servo_id, register, op)
+        if "/" in register:
+            return Series(times, raw)
+        described = self.register(servo_id, register)
+        values, inverse = np.unique(raw, return_inverse=True)
+        in_si = np.array([described.to_si(int(value)) for value in values], dtype=np.float64)
+        return Series(times, in_si[inverse])
+
+    def observed(self, register: str) -> Series:
+        """Give a namespaced register (``mocap/base_z_m``) over time, in SI."""
+        return self.series(0, register)
+
+    def register(self, servo_id: int, name: str) -> Register:
+        """Describe a servo's register as its control table does.
+
+        Raises :class:`RecordingError` if the servo's model is not known or has none of that name.
+        """
+        model = self.models.get(servo_id)
+        if model is None:
+            raise RecordingError(
+                self.path,
+                f"the model of servo {servo_id} is not known: name it in the metadata as "
+                f'[servo.{servo_id}] model = "...", or name the robot',
+            )
+        if name not in model:
+            raise RecordingError(self.path, f"servo {servo_id} is {model.model}, without {name!r}")
+        return model[name]
+
+    def setting(self, servo_id: int, register: str) -> int | None:
+        """Tell the raw value a register had at first: the metadata's, else the factory's.
+
+        ``None`` if neither tells. Raises :class:`RecordingError` as :meth:`register` does.
+        """
+        servo = self.metadata.get("servo", {}).get(str(servo_id), {})
+        value = servo.get("registers", {}).get(register)
+        return self.register(servo_id, register).initial if value is None else int(value)
