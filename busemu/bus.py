@@ -81,7 +81,7 @@ class Bus:
         for index, servo in enumerate(self.servos):
             self._schedule(
                 start_s + HOUSEKEEPING_S * index / len(self.servos),
-                lambda t, servo=servo: self._housekeeping(servo, t),
+                lambda t, servo=servo: self.every(HOUSEKEEPING_S, servo.tick),
             )
 
     # -- the caller's three calls --------------------------------------------------------------
@@ -135,6 +135,15 @@ class Bus:
         if to_s > self.plant_s:
             self.plant.advance(to_s - self._start_s)
             self.plant_s = to_s
+
+    def every(self, period_s: float, event: Event) -> None:
+        """Call ``event`` with the instant [s], now and then every ``period_s`` of the bus's time."""
+
+        def recur(now_s: float) -> None:
+            event(now_s)
+            self._schedule(now_s + period_s, recur)
+
+        self._schedule(self.plant_s, recur)
 
     # -- packets -------------------------------------------------------------------------------
 
@@ -250,10 +259,6 @@ class Bus:
         return end_s
 
     # -- the rest ------------------------------------------------------------------------------
-
-    def _housekeeping(self, servo: Servo, now_s: float) -> None:
-        servo.tick(now_s)
-        self._schedule(now_s + HOUSEKEEPING_S, lambda t: self._housekeeping(servo, t))
 
     def _schedule(self, at_s: float, event: Event) -> None:
         heapq.heappush(self._events, (at_s, next(self._order), event))
