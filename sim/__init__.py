@@ -1,1 +1,1 @@
-""""""
+"""Physics behind the bus: satisfies :mod:`busemu.plant`."""

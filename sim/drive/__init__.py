@@ -1,1 +1,1 @@
-""""""
+"""One servo drive model: compiled, batched over servos, free of any physics engine."""

@@ -1,0 +1,278 @@
+"""Parameters of a servo drive: from a data sheet's four numbers to the motor's constants.
+
+A data sheet gives stall torque ``T`` and current ``I`` and no-load velocity ``w0`` and current
+``i0`` at a voltage ``V``, all at the output shaft. The motor equation ``torque = k (duty V -
+ke w) / R`` and the friction level then follow::
+
+    R  = V / I                                 at stall there is no back-EMF
+    k  = (T + friction at stall) / I           the data sheet's torque is what is left for the load
+    ke = (V - R i0) / w0
+    Kv = (k i0 (1 - Km) - Kc) / w0             at no load, current only pays for friction
+
+``k < ke`` comes out for real servos: gear losses. Fitted constants may stand in the robot's file
+instead; either way :meth:`DriveParameters.check` refuses constants that cannot reproduce the data
+sheet, because a fit to too little data can be far off and still look good.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..entries import Section
+from . import kernel
+from .kernel import Array
+
+DATA_SHEET_TOLERANCE = 0.25  #: assumed: spread of specimens and of fits worth believing
+
+
+@dataclass(frozen=True, slots=True)
+class DataSheet:
+    """What the maker promises, at the output shaft."""
+
+    voltage_v: float
+    stall_torque_nm: float
+    stall_current_a: float
+    no_load_velocity_rad_s: float
+    no_load_current_a: float
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Friction level, model M6 of Duclusaud et al. (2025); zeros switch a term off.
+
+    With ``s = exp(-|w / stribeck_velocity|^stribeck_exponent)``, motor torque ``tm``, external
+    torque ``te``: ``Kc + Kv|w| + |Km tm - Ke te| + s (Kcs + |Kms tm - Kes te| + Q)``, where ``Q``
+    is ``Keq te^2`` if ``|tm| > |te|`` else ``Kmq tm^2``, and only where the two oppose.
+    """
+
+    coulomb_nm: float = 0.0
+    viscous_nm_s_rad: float = 0.0
+    stribeck_nm: float = 0.0
+    stribeck_velocity_rad_s: float = 0.1
+    stribeck_exponent: float = 1.0
+    load_motor: float = 0.0
+    load_external: float = 0.0
+    load_motor_stribeck: float = 0.0
+    load_external_stribeck: float = 0.0
+    quadratic_motor_per_nm: float = 0.0
+    quadratic_external_per_nm: float = 0.0
+
+    def fill(self, column: Array) -> None:
+        """Write these numbers into a column of the kernel's parameter array."""
+        column[kernel.COULOMB] = self.coulomb_nm
+        column[kernel.VISCOUS] = self.viscous_nm_s_rad
+        column[kernel.STRIBECK] = self.stribeck_nm
+        column[kernel.STRIBECK_VELOCITY] = self.stribeck_velocity_rad_s
+        column[kernel.STRIBECK_EXPONENT] = self.stribeck_exponent
+        column[kernel.LOAD_MOTOR] = self.load_motor
+        column[kernel.LOAD_EXTERNAL] = self.load_external
+        column[kernel.LOAD_MOTOR_STRIBECK] = self.load_motor_stribeck
+        column[kernel.LOAD_EXTERNAL_STRIBECK] = self.load_external_stribeck
+        column[kernel.QUADRATIC_MOTOR] = self.quadratic_motor_per_nm
+        column[kernel.QUADRATIC_EXTERNAL] = self.quadratic_external_per_nm
+
+    def level_nm(self, velocity_rad_s: float, motor_nm: float, external_nm: float) -> float:
+        """The friction level [N m], as the compiled step has it."""
+        column = np.zeros((kernel.PARAMS, 1))
+        self.fill(column)
+        return float(kernel.friction_level(column, 0, velocity_rad_s, motor_nm, external_nm))
+
+
+@dataclass(frozen=True, slots=True)
+class DriveParameters:
+    """Everything about one model of servo that its drive needs. All at the output shaft, SI."""
+
+    data_sheet: DataSheet
+    resistance_ohm: float
+    torque_constant_nm_a: float
+    back_emf_v_s_rad: float
+    rotor_inertia_kg_m2: float  #: times the gear ratio squared
+    friction: Friction
+    gear_stiffness_nm_rad: float
+    gear_damping_nm_s_rad: float
+    backlash_rad: float
+    sensor_step_rad: float
+    velocity_full_scale_rad_s: float
+    velocity_gain_s_rad: float
+    ambient_c: float
+    heat_resistance_k_w: float
+    heat_time_constant_s: float
+    resistance_rise_per_k: float
+
+    def stall_torque_nm(self, voltage_v: float) -> float:
+        """Largest torque the shaft can raise a load with at a voltage, cold."""
+        motor = self.torque_constant_nm_a * voltage_v / self.resistance_ohm
+        return _torque_left(self.friction.level_nm, motor)
+
+    def no_load_velocity_rad_s(self, voltage_v: float) -> float:
+        """Velocity without load at full duty and a voltage, cold."""
+
+        def surplus(velocity: float) -> float:
+            emf = self.back_emf_v_s_rad * velocity
+            motor = self.torque_constant_nm_a * (voltage_v - emf) / self.resistance_ohm
+            return motor - self.friction.level_nm(velocity, motor, 0.0)
+
+        return _root(surplus, 0.0, voltage_v / self.back_emf_v_s_rad)
+
+    def check(self) -> str | None:
+        """What contradicts the data sheet, or ``None``."""
+        sheet = self.data_sheet
+        for what, unit, has, wanted in (
+            ("stall torque", "N m", self.stall_torque_nm(sheet.voltage_v), sheet.stall_torque_nm),
+            (
+                "no-load velocity",
+                "rad/s",
+                self.no_load_velocity_rad_s(sheet.voltage_v),
+                sheet.no_load_velocity_rad_s,
+            ),
+        ):
+            if abs(has / wanted - 1.0) > DATA_SHEET_TOLERANCE:
+                return (
+                    f"constants give a {what} of {has:.3g} {unit} at {sheet.voltage_v:g} V, the "
+                    f"data sheet {wanted:.3g} {unit}: more than {DATA_SHEET_TOLERANCE:.0%} apart"
+                )
+        return None
+
+    def column(self) -> Array:
+        """These parameters as one column of the kernel's parameter array."""
+        column = np.zeros(kernel.PARAMS)
+        column[kernel.RESISTANCE] = self.resistance_ohm
+        column[kernel.TORQUE_CONSTANT] = self.torque_constant_nm_a
+        column[kernel.BACK_EMF] = self.back_emf_v_s_rad
+        column[kernel.ROTOR_INERTIA] = self.rotor_inertia_kg_m2
+        self.friction.fill(column)
+        column[kernel.GEAR_STIFFNESS] = self.gear_stiffness_nm_rad
+        column[kernel.GEAR_DAMPING] = self.gear_damping_nm_s_rad
+        column[kernel.BACKLASH] = self.backlash_rad
+        column[kernel.SENSOR_STEP] = self.sensor_step_rad
+        column[kernel.VELOCITY_SCALE] = self.velocity_full_scale_rad_s
+        column[kernel.VELOCITY_GAIN] = self.velocity_gain_s_rad
+        column[kernel.AMBIENT] = self.ambient_c
+        column[kernel.HEAT_RESISTANCE] = self.heat_resistance_k_w
+        column[kernel.HEAT_TIME] = self.heat_time_constant_s
+        column[kernel.RESISTANCE_RISE] = self.resistance_rise_per_k
+        return column
+
+
+def pack(drives: Sequence[DriveParameters]) -> Array:
+    """The kernel's parameter array of several servos: shape (PARAMS, servos)."""
+    return np.ascontiguousarray(np.stack([drive.column() for drive in drives], axis=1))
+
+
+_FRICTION = {  # key: unit, lowest, highest
+    "coulomb_nm": ("N m", 0.0, 10.0),
+    "viscous_nm_s_rad": ("N m s/rad", 0.0, 10.0),
+    "stribeck_nm": ("N m", 0.0, 10.0),
+    "stribeck_velocity_rad_s": ("rad/s", 1e-4, 100.0),
+    "stribeck_exponent": ("(exponent)", 0.1, 10.0),
+    "load_motor": ("(ratio)", 0.0, 0.9),
+    "load_external": ("(ratio)", 0.0, 0.9),
+    "load_motor_stribeck": ("(ratio)", 0.0, 0.9),
+    "load_external_stribeck": ("(ratio)", 0.0, 0.9),
+    "quadratic_motor_per_nm": ("1/(N m)", 0.0, 10.0),
+    "quadratic_external_per_nm": ("1/(N m)", 0.0, 10.0),
+}
+
+
+def read_drive(section: Section) -> DriveParameters:
+    """The drive of one servo model from its section of a robot file.
+
+    Raises :class:`sim.entries.PhysicsError` for what is missing, out of bounds or contradicts the
+    data sheet.
+    """
+    sheet = DataSheet(
+        voltage_v=section.number("rated_voltage_v", "V", 1.0, 50.0),
+        stall_torque_nm=section.number("stall_torque_nm", "N m", 0.01, 100.0),
+        stall_current_a=section.number("stall_current_a", "A", 0.01, 50.0),
+        no_load_velocity_rad_s=section.number("no_load_velocity_rad_s", "rad/s", 0.1, 100.0),
+        no_load_current_a=section.number("no_load_current_a", "A", 0.0, 10.0),
+    )
+    if sheet.no_load_current_a >= sheet.stall_current_a:
+        raise section.fail(
+            f"no_load_current_a = {sheet.no_load_current_a} A is not below "
+            f"stall_current_a = {sheet.stall_current_a} A"
+        )
+    ratio = section.number("gear_ratio", "(ratio)", 1.0, 2000.0)
+    rotor = section.number("motor_inertia_kg_m2", "kg m^2", 1e-10, 1e-3)
+    resistance = section.number(
+        "resistance_ohm", "ohm", 0.1, 1000.0, default=sheet.voltage_v / sheet.stall_current_a
+    )
+    friction = _friction(section)
+    constant = section.number(
+        "torque_constant_nm_a", "N m/A", 1e-3, 100.0, default=_torque_constant(sheet, friction)
+    )
+    if "viscous_nm_s_rad" not in section:
+        spare = constant * sheet.no_load_current_a * (1.0 - friction.load_motor)
+        viscous = (spare - friction.coulomb_nm) / sheet.no_load_velocity_rad_s
+        if viscous < 0.0:
+            raise section.fail(
+                f"coulomb_nm = {friction.coulomb_nm} N m is more than the no-load current pays "
+                f"for ({spare:.3g} N m)"
+            )
+        friction = Friction(**(_as_dict(friction) | {"viscous_nm_s_rad": viscous}))
+    emf = (sheet.voltage_v - resistance * sheet.no_load_current_a) / sheet.no_load_velocity_rad_s
+    drive = DriveParameters(
+        data_sheet=sheet,
+        resistance_ohm=resistance,
+        torque_constant_nm_a=constant,
+        back_emf_v_s_rad=section.number("back_emf_v_s_rad", "V s/rad", 1e-3, 100.0, default=emf),
+        rotor_inertia_kg_m2=rotor * ratio**2,
+        friction=friction,
+        gear_stiffness_nm_rad=section.number("gear_stiffness_nm_rad", "N m/rad", 0.1, 1e5),
+        gear_damping_nm_s_rad=section.number("gear_damping_nm_s_rad", "N m s/rad", 0.0, 100.0),
+        backlash_rad=section.number("backlash_rad", "rad", 0.0, 0.2, default=0.0),
+        sensor_step_rad=section.number("sensor_step_rad", "rad", 0.0, 0.1, default=0.0),
+        velocity_full_scale_rad_s=section.number("velocity_full_scale_rad_s", "rad/s", 0.1, 1000.0),
+        velocity_gain_s_rad=section.number("velocity_gain_s_rad", "s/rad", 0.0, 100.0, default=0.0),
+        ambient_c=section.number("ambient_c", "degC", -40.0, 80.0),
+        heat_resistance_k_w=section.number("heat_resistance_k_w", "K/W", 0.0, 1000.0),
+        heat_time_constant_s=section.number("heat_time_constant_s", "s", 0.1, 1e5),
+        resistance_rise_per_k=section.number("resistance_rise_per_k", "1/K", 0.0, 0.01),
+    )
+    if problem := drive.check():
+        raise section.fail(problem)
+    return drive
+
+
+def _friction(section: Section) -> Friction:
+    defaults = _as_dict(Friction())
+    return Friction(
+        **{
+            key: section.number(key, unit, low, high, default=defaults[key])
+            for key, (unit, low, high) in _FRICTION.items()
+        }
+    )
+
+
+def _as_dict(friction: Friction) -> dict[str, float]:
+    return {field.name: getattr(friction, field.name) for field in fields(friction)}
+
+
+def _torque_constant(sheet: DataSheet, friction: Friction) -> float:
+    def surplus(motor: float) -> float:
+        wanted = sheet.stall_torque_nm
+        return motor - wanted - friction.level_nm(0.0, motor, -wanted)
+
+    return _root(surplus, 0.0, 100.0 * sheet.stall_torque_nm) / sheet.stall_current_a
+
+
+def _torque_left(level: Callable[[float, float, float], float], motor: float) -> float:
+    return _root(lambda load: motor - load - level(0.0, motor, -load), 0.0, motor)
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Where a monotone function changes its sign, by bisection; an end when it does not."""
+    rising = function(high) > 0.0
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        if not math.isfinite(middle) or middle in (low, high):
+            break
+        if (function(middle) > 0.0) == rising:
+            high = middle
+        else:
+            low = middle
+    return 0.5 * (low + high)

@@ -1,0 +1,190 @@
+"""A plant made of a bank of drives and any engine that moves rigid bodies in equal steps.
+
+Time runs on two grids that both start at 0: the engine's steps, and the firmware's ticks of 1 ms,
+which always fall on a step. A command given after ``advance(t)`` waits for the first tick after
+``t``. ``advance(t)`` simulates whole steps up to and including the one that contains ``t``, and
+what is sampled lies between the two ends of that step. So a run depends only on the commands and
+the instants they were given at, to the last bit, however often it is advanced.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from busemu.plant import DriveCommand, ServoState
+
+from .drive import kernel
+from .drive.bank import DriveBank, command_column
+from .drive.kernel import Array
+from .robot import PhysicalRobot
+
+TICK_S = (
+    0.001  #: period of the servo's control interrupt; source: measured on AX-12+ (ROBOTIS forum)
+)
+ON_GRID = 1e-6  #: share of a grid's spacing within which an instant counts as on the grid
+
+
+class Engine(Protocol):
+    """Rigid bodies behind the drives. Joints are in the order of the robot's servos."""
+
+    def read(self, position_rad: Array, velocity_rad_s: Array) -> None:
+        """Write the joints' angles and velocities (joint frame) into the two arrays."""
+
+    def step(self, torque_nm: Array) -> None:
+        """Apply joint torques (joint frame) over one step."""
+
+    def observe(self) -> dict[str, float]:
+        """What stands beside the robot: ``mocap/...`` and ``contact/...``."""
+
+    def close(self) -> None:
+        """Let go of the engine; may be called twice."""
+
+
+def grid_index(to_s: float, spacing_s: float, *, up: bool) -> int:
+    """Number of the grid point at or after (``up``) or at or before an instant."""
+    exact = to_s / spacing_s
+    near = round(exact)
+    if abs(exact - near) <= ON_GRID:
+        return near
+    return math.ceil(exact) if up else math.floor(exact)
+
+
+class SteppedPlant:
+    """Satisfies :class:`busemu.plant.Plant` over an :class:`Engine`.
+
+    ``ticks`` steps of the engine make one firmware tick. Between a servo's frame and its joint's
+    stands ``joint = direction * servo + zero`` of the robot's file.
+    """
+
+    def __init__(
+        self, robot: PhysicalRobot, engine: Engine, *, steps_per_tick: int, substeps: int
+    ) -> None:
+        self._names = tuple(joint.name for joint in robot.joints)
+        self._index = {joint.servo_id: i for i, joint in enumerate(robot.joints)}
+        self._engine = engine
+        self._step_s = TICK_S / steps_per_tick
+        self._steps_per_tick = steps_per_tick
+        self._direction = np.array([float(joint.direction) for joint in robot.joints])
+        self._zero_rad = np.array([joint.zero_rad for joint in robot.joints])
+        self._ambient_c = np.array([joint.drive.ambient_c for joint in robot.joints])
+        count = len(self._names)
+        self._joint_rad = np.zeros(count)
+        self._joint_rad_s = np.zeros(count)
+        self._torque_nm = np.zeros(count)
+        # ends of the step that contains the present instant, servo frame
+        self._position_rad = (np.zeros(count), np.zeros(count))
+        self._velocity_rad_s = (np.zeros(count), np.zeros(count))
+        self._heat_k = (np.zeros(count), np.zeros(count))
+        self._read()
+        self.bank = DriveBank(
+            [joint.drive for joint in robot.joints],
+            self._position_rad[1],
+            supply_voltage_v=robot.supply.voltage_v,
+            supply_resistance_ohm=robot.supply.resistance_ohm,
+            step_s=self._step_s,
+            substeps=substeps,
+            tick_s=TICK_S,
+        )
+        self._waiting: deque[tuple[int, int, Array]] = deque()
+        self._steps = 0
+        self._now_s = 0.0
+        self._part = 1.0  # where the present instant lies between the two ends
+        self._next_tick = 1
+
+    @property
+    def step_s(self) -> float:
+        """The engine's step [s]."""
+        return self._step_s
+
+    @property
+    def joint_names(self) -> Sequence[str]:
+        """Joints in the order of the servos in the robot's file."""
+        return self._names
+
+    def advance(self, to_s: float) -> None:
+        """Simulate up to ``to_s`` [s since the plant was made]; ``ValueError`` when it is past."""
+        if not to_s >= self._now_s:
+            raise ValueError(f"a plant cannot go back from {self._now_s} s to {to_s} s")
+        if to_s == self._now_s:
+            return
+        wanted = grid_index(to_s, self._step_s, up=True)
+        while self._steps < wanted:
+            self._step()
+        self._now_s = to_s
+        self._part = min(1.0, max(0.0, to_s / self._step_s - (self._steps - 1)))
+        self._next_tick = grid_index(to_s, TICK_S, up=False) + 1
+
+    def command(self, servo_id: int, command: DriveCommand) -> None:
+        """Set what a drive shall do from the next tick on."""
+        self._waiting.append((self._next_tick, self._index[servo_id], command_column(command)))
+
+    def sample(self, servo_id: int) -> ServoState:
+        """The state of one servo at exactly the instant last advanced to.
+
+        Angle, velocity and temperature lie between the two ends of the step; torque and current
+        are means over it, duty and voltage hold during it.
+        """
+        i = self._index[servo_id]
+        states = self.bank.states
+        return ServoState(
+            position_rad=self._between(self._position_rad, i),
+            velocity_rad_s=self._between(self._velocity_rad_s, i),
+            duty=float(states[kernel.DUTY, i]),
+            torque_nm=float(states[kernel.TORQUE, i]),
+            current_a=float(states[kernel.CURRENT, i]),
+            voltage_v=float(states[kernel.VOLTAGE, i]),
+            temperature_c=float(self._ambient_c[i]) + self._between(self._heat_k, i),
+        )
+
+    def observe(self) -> Mapping[str, float]:
+        """What an outside observer sees at the end of the step that contains the instant.
+
+        ``mocap/base_{x,y,z}_m`` and ``mocap/base_{roll,pitch,yaw}_rad`` of the trunk frame,
+        ``contact/<leg>_n`` and ``contact/trunk_n`` from the ground, ``contact/self_n`` between the
+        robot's own links; ``rig/<joint>_rad`` and ``rig/<joint>_nm`` in the joint's frame.
+        """
+        seen = self._engine.observe()
+        for name, angle, torque in zip(
+            self._names, self._joint_rad.tolist(), self._torque_nm.tolist(), strict=True
+        ):
+            seen[f"rig/{name}_rad"] = angle
+            seen[f"rig/{name}_nm"] = torque
+        return seen
+
+    def close(self) -> None:
+        """Let go of the engine; the plant must not be used afterwards."""
+        self._engine.close()
+
+    def _step(self) -> None:
+        self._position_rad = self._position_rad[::-1]
+        self._velocity_rad_s = self._velocity_rad_s[::-1]
+        self._heat_k = self._heat_k[::-1]
+        position, velocity = self._position_rad[0], self._velocity_rad_s[0]
+        tick, off = divmod(self._steps, self._steps_per_tick)
+        if off == 0:
+            while self._waiting and self._waiting[0][0] <= tick:
+                _, i, column = self._waiting.popleft()
+                self.bank.command(i, column)
+            self.bank.tick(position, velocity)
+        self.bank.step(position, velocity)
+        np.multiply(self.bank.torque_nm, self._direction, out=self._torque_nm)
+        self._engine.step(self._torque_nm)
+        self._steps += 1
+        self._read()
+        self._heat_k[1][:] = self.bank.heat_k
+
+    def _read(self) -> None:
+        self._engine.read(self._joint_rad, self._joint_rad_s)
+        position, velocity = self._position_rad[1], self._velocity_rad_s[1]
+        np.subtract(self._joint_rad, self._zero_rad, out=position)
+        np.multiply(position, self._direction, out=position)
+        np.multiply(self._joint_rad_s, self._direction, out=velocity)
+
+    def _between(self, ends: tuple[Array, Array], i: int) -> float:
+        before, after = float(ends[0][i]), float(ends[1][i])
+        return before + self._part * (after - before)

@@ -1,0 +1,229 @@
+"""PyBullet: a robot on flat ground. The only module that imports the engine.
+
+PyBullet knows no inertia of a joint itself, but a servo's rotor, seen through its gear, is heavier
+than the links it moves. So the rotors are integrated by the drives (:mod:`sim.drive`), and PyBullet
+gets the torque of each gear, with its own joint motors switched off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pybullet
+
+from busemu.tables import Robot
+
+from .drive.kernel import Array
+from .robot import PhysicalRobot, read_physics
+from .stability import require_stable
+from .stepped import TICK_S, SteppedPlant
+from .urdf import urdf
+
+GRAVITY_M_S2 = 9.81
+STEPS_PER_TICK = 1  #: steps of 1 ms: see BulletPlant
+SUBSTEPS = 10  #: of the rotors within a step
+HELD_HEIGHT_M = 0.5  #: of a trunk held in the air, so that no leg can reach the ground
+
+
+class World:
+    """One robot on flat ground in a PyBullet of its own; joints in the order of its servos.
+
+    ``held`` fixes the trunk in the air, as on a stand. Lengths in m, angles in rad, world z up.
+    """
+
+    def __init__(self, robot: PhysicalRobot, *, step_s: float, held: bool = False) -> None:
+        self._client = pybullet.connect(pybullet.DIRECT)
+        if self._client < 0:
+            raise RuntimeError("PyBullet gives no more worlds: close some plants first")
+        self._on = {"physicsClientId": self._client}
+        try:
+            self._build(robot, step_s, held)
+        except BaseException:
+            self.close()
+            raise
+
+    def _build(self, robot: PhysicalRobot, step_s: float, held: bool) -> None:
+        pybullet.setGravity(0.0, 0.0, -GRAVITY_M_S2, **self._on)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=step_s, numSubSteps=0, deterministicOverlappingPairs=1, **self._on
+        )
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, **self._on)
+        self._ground = pybullet.createMultiBody(0.0, plane, **self._on)
+        pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=1.0, **self._on)
+        with tempfile.TemporaryDirectory(prefix="busemu-") as folder:
+            path = Path(folder) / "robot.urdf"
+            path.write_text(urdf(robot), "utf-8")
+            self._body = pybullet.loadURDF(
+                str(path),
+                useFixedBase=held,
+                flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+                | pybullet.URDF_USE_SELF_COLLISION
+                | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
+                | pybullet.URDF_USE_MATERIAL_COLORS_FROM_MTL,
+                **self._on,
+            )
+        number = {}
+        for i in range(pybullet.getNumJoints(self._body, **self._on)):
+            number[pybullet.getJointInfo(self._body, i, **self._on)[1].decode()] = i
+        self._joints = [number[joint.name] for joint in robot.joints]
+        self._feet = {number[f"{leg.name}.tibia"]: leg.name for leg in robot.legs}
+        for link in (-1, *number.values()):
+            pybullet.changeDynamics(
+                self._body,
+                link,
+                lateralFriction=robot.contact.friction,
+                restitution=robot.contact.restitution,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                **self._on,
+            )
+        pybullet.setJointMotorControlArray(
+            self._body,
+            self._joints,
+            pybullet.VELOCITY_CONTROL,
+            forces=[0.0] * len(self._joints),
+            **self._on,
+        )
+        local = pybullet.getDynamicsInfo(self._body, -1, **self._on)
+        self._to_frame = pybullet.invertTransform(local[3], local[4])
+        self._from_frame = (local[3], local[4])
+        self._order = {joint.name: i for i, joint in enumerate(robot.joints)}
+        rest = robot.posture(robot.rest_rad)
+        height = HELD_HEIGHT_M if held else robot.height_m(robot.rest_rad)
+        self.place((0.0, 0.0, height), (0.0, 0.0, 0.0, 1.0), rest)
+
+    def place(
+        self,
+        position_m: tuple[float, float, float],
+        orientation_xyzw: tuple[float, float, float, float],
+        joints_rad: Mapping[str, float],
+    ) -> None:
+        """Put the trunk frame and the joints somewhere, at rest."""
+        where = pybullet.multiplyTransforms(position_m, orientation_xyzw, *self._from_frame)
+        pybullet.resetBasePositionAndOrientation(self._body, *where, **self._on)
+        pybullet.resetBaseVelocity(self._body, [0.0] * 3, [0.0] * 3, **self._on)
+        for name, angle in joints_rad.items():
+            joint = self._joints[self._order[name]]
+            pybullet.resetJointState(self._body, joint, angle, 0.0, **self._on)
+
+    def read(self, position_rad: Array, velocity_rad_s: Array) -> None:
+        """Write the joints' angles [rad] and velocities [rad/s] into the two arrays."""
+        states = pybullet.getJointStates(self._body, self._joints, **self._on)
+        position_rad[:] = [state[0] for state in states]
+        velocity_rad_s[:] = [state[1] for state in states]
+
+    def step(self, torque_nm: Array) -> None:
+        """Apply joint torques [N m] over one step."""
+        pybullet.setJointMotorControlArray(
+            self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torque_nm, **self._on
+        )
+        pybullet.stepSimulation(**self._on)
+
+    def base(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+        """Position [m] and orientation (x, y, z, w) of the trunk frame in the world."""
+        centre = pybullet.getBasePositionAndOrientation(self._body, **self._on)
+        position, orientation = pybullet.multiplyTransforms(*centre, *self._to_frame)
+        return position, orientation
+
+    def observe(self) -> dict[str, float]:
+        """Pose of the trunk frame, ground forces by foot and on the trunk, own links' contacts.
+
+        Yaw is the heading about +z, pitch the nose-up angle about x (right), roll the angle about
+        y (forward), positive with the right side down; all zero when level and facing +y.
+        """
+        position, orientation = self.base()
+        r = pybullet.getMatrixFromQuaternion(orientation)
+        seen = dict(
+            zip(("mocap/base_x_m", "mocap/base_y_m", "mocap/base_z_m"), position, strict=True)
+        )
+        seen["mocap/base_roll_rad"] = math.atan2(-r[6], r[8])
+        seen["mocap/base_pitch_rad"] = math.asin(max(-1.0, min(1.0, r[7])))
+        seen["mocap/base_yaw_rad"] = math.atan2(-r[1], r[4])
+        forces = dict.fromkeys(self._feet.values(), 0.0)
+        trunk = own = 0.0
+        for point in pybullet.getContactPoints(self._body, **self._on):
+            other, link, force = point[2], point[3], point[9]
+            if other == self._body:
+                own += force
+            elif link in self._feet:
+                forces[self._feet[link]] += force
+            elif link == -1:
+                trunk += force
+        for leg, force in forces.items():
+            seen[f"contact/{leg}_n"] = force
+        seen["contact/trunk_n"] = trunk
+        seen["contact/self_n"] = own
+        return seen
+
+    def inverse_mass(self) -> Array:
+        """The joints' part of the inverse mass matrix [1/(kg m^2)] at the present posture."""
+        count = pybullet.getNumJoints(self._body, **self._on)
+        angles = [s[0] for s in pybullet.getJointStates(self._body, range(count), **self._on)]
+        mass = np.array(pybullet.calculateMassMatrix(self._body, angles, **self._on))
+        offset = mass.shape[0] - count
+        rows = [offset + joint for joint in self._joints]
+        return np.linalg.inv(mass)[np.ix_(rows, rows)]
+
+    def close(self) -> None:
+        """Disconnect; may be called twice."""
+        if self._client >= 0:
+            with contextlib.suppress(pybullet.error):
+                pybullet.disconnect(**self._on)
+            self._client = -1
+
+
+class BulletPlant(SteppedPlant):
+    """A robot in PyBullet behind its servos; satisfies :class:`busemu.plant.Plant`.
+
+    Steps of 1 ms: against steps of 0.125 ms, joints of a held robot that steps its goals differ by
+    at most 2 mrad and 0.4 mrad RMS (a count of the sensor is 5 mrad); on the ground the instants of
+    contacts differ more, and no less with shorter steps.
+
+    It starts lying on its belly in the posture ``[rest]`` of its file, torque off. ``held`` fixes
+    the trunk in the air, ``trunk_load_kg`` is added to the trunk. Raises
+    :class:`sim.entries.PhysicsError` when the file's physics cannot be used or is too stiff for
+    the step.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        held: bool = False,
+        trunk_load_kg: float = 0.0,
+        steps_per_tick: int = STEPS_PER_TICK,
+        substeps: int = SUBSTEPS,
+    ) -> None:
+        physical = read_physics(robot, trunk_load_kg=trunk_load_kg)
+        self.robot = physical
+        self.world = World(physical, step_s=TICK_S / steps_per_tick, held=held)
+        try:
+            super().__init__(physical, self.world, steps_per_tick=steps_per_tick, substeps=substeps)
+            self.stiffness_number = self._require_stable(str(robot.path))
+        except BaseException:
+            self.world.close()
+            raise
+
+    def _require_stable(self, where: str) -> float:
+        """Check the gears lying, standing and with every leg stretched out, the stiffest of all."""
+        robot, world = self.robot, self.world
+        stretched = {j.name: min(j.upper_rad, max(j.lower_rad, 0.0)) for j in robot.joints}
+        rest, neutral = robot.posture(robot.rest_rad), robot.posture(robot.neutral_rad)
+        position, orientation = world.base()
+        highest = 0.0
+        for posture in (stretched, neutral, rest):
+            world.place(position, orientation, posture)
+            number = require_stable(self.bank.params, world.inverse_mass(), self.step_s, where)
+            highest = max(highest, number)
+        return highest
+
+
+def plant(robot: Robot) -> BulletPlant:
+    """The PyBullet plant of a robot (the plant named ``bullet`` on the command line)."""
+    return BulletPlant(robot)
