@@ -16,7 +16,9 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable, Sequence
+from functools import partial
 
+from .group import GroupRead, group_read, group_writes
 from .plant import Plant
 from .protocol import (
     BROADCAST_ID,
@@ -30,7 +32,6 @@ from .protocol import (
     v2,
 )
 from .servo import Refusal, Servo
-from .group import GroupRead, group_read, group_writes
 from .timing import INTERBYTE_TIMEOUT_S, Profile, Uplink
 from .trace import BusCounts, WireEvent, WireEventKind
 
@@ -40,14 +41,14 @@ HOUSEKEEPING_S = 0.010
 #: a bit in ten at most, shared by both sides.
 BAUD_TOLERANCE = 0.03
 
-Event = Callable[[float], None]
+Event = Callable[[float], object]
 
 
 class Bus:
     """Servos of one protocol on one line, behind one host with the times of a profile.
 
-    ``start_s`` is the bus's clock when the plant's time is zero. ``on_wire`` is told of every run of
-    bytes on the wire when its time is known.
+    ``start_s`` is the bus's clock when the plant's time is zero. ``on_wire`` is told of every run
+    of bytes on the wire when its time is known.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class Bus:
         for index, servo in enumerate(self.servos):
             self._schedule(
                 start_s + HOUSEKEEPING_S * index / len(self.servos),
-                lambda t, servo=servo: self.every(HOUSEKEEPING_S, servo.tick),
+                partial(self._keep_house, servo),
             )
 
     # -- the caller's three calls --------------------------------------------------------------
@@ -137,7 +138,7 @@ class Bus:
             self.plant_s = to_s
 
     def every(self, period_s: float, event: Event) -> None:
-        """Call ``event`` with the instant [s], now and then every ``period_s`` of the bus's time."""
+        """Call ``event`` with the instant [s], at once and then every ``period_s`` of bus time."""
 
         def recur(now_s: float) -> None:
             event(now_s)
@@ -151,10 +152,10 @@ class Bus:
         latch_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
         if isinstance(packet, BadPacket):
             self.counts.errors += 1
-            self._schedule(latch_s, lambda t: self._refuse(packet, t, end_s))
+            self._schedule(latch_s, partial(self._refuse, packet, end_s))
         elif isinstance(packet, InstructionPacket):
             self.counts.transactions += 1
-            self._schedule(latch_s, lambda t: self._execute(packet, t, end_s))
+            self._schedule(latch_s, partial(self._execute, packet, end_s))
 
     def _listening(self, now_s: float) -> list[Servo]:
         """Servos that can read the host's bytes: awake, and at its baud rate."""
@@ -165,22 +166,22 @@ class Bus:
             and abs(self.baud_rate / servo.baud_rate - 1.0) <= BAUD_TOLERANCE
         ]
 
-    def _refuse(self, packet: BadPacket, now_s: float, end_s: float) -> None:
+    def _refuse(self, packet: BadPacket, end_s: float, now_s: float) -> None:
         for servo in self._listening(now_s):
             if servo.servo_id == packet.servo_id and servo.answers(Instruction.WRITE):
                 self._answer(servo, servo.status(Refusal.CHECKSUM), end_s)
 
-    def _execute(self, packet: InstructionPacket, now_s: float, end_s: float) -> None:
+    def _execute(self, packet: InstructionPacket, end_s: float, now_s: float) -> None:
         servos = self._listening(now_s)
         writes = group_writes(packet, self.protocol)
         reads = group_read(packet, self.protocol)
         if writes is not None:
+            by_id = {servo.servo_id: servo for servo in servos}
             for servo_id, address, data in writes:
-                for servo in servos:
-                    if servo.servo_id == servo_id and servo.write(address, data) is not None:
-                        self.counts.errors += 1
+                if servo_id in by_id and by_id[servo_id].write(address, data) is not None:
+                    self.counts.errors += 1
         elif reads is not None:
-            self._chain(reads, 0, now_s, end_s)
+            self._chain(reads, 0, end_s, now_s)
         elif packet.servo_id != BROADCAST_ID:
             self._single(packet, servos, now_s, end_s)
         elif packet.instruction != Instruction.PING:
@@ -189,12 +190,10 @@ class Bus:
         elif self.protocol == 2.0:
             for servo in sorted(servos, key=lambda s: s.servo_id):
                 slot_s = end_s + servo.servo_id * self.profile.ping_slot_s
-                self._schedule(
-                    max(now_s, slot_s),
-                    lambda t, servo=servo, slot_s=slot_s: self._answer(
-                        servo, servo.status(None, servo.identity()), slot_s
-                    ),
-                )
+                self._schedule(max(now_s, slot_s), partial(self._answer_ping, servo, slot_s))
+
+    def _answer_ping(self, servo: Servo, slot_s: float, now_s: float) -> None:
+        self._answer(servo, servo.status(None, servo.identity()), slot_s)
 
     def _single(
         self, packet: InstructionPacket, servos: list[Servo], now_s: float, end_s: float
@@ -204,13 +203,11 @@ class Bus:
             self.counts.errors += 1
         for servo in addressed:
             delay_s = servo.return_delay_s
-            status = servo.execute(
-                packet.servo_id, packet.instruction, packet.parameters, now_s
-            )
+            status = servo.execute(packet.servo_id, packet.instruction, packet.parameters, now_s)
             if status is not None:
                 self._answer(servo, status, end_s, delay_s=delay_s)
 
-    def _chain(self, reads: GroupRead, index: int, now_s: float, before_s: float) -> None:
+    def _chain(self, reads: GroupRead, index: int, before_s: float, now_s: float) -> None:
         """The turn of one servo of a sync or bulk read; a mute one silences all after it."""
         if index == len(reads.items):
             return
@@ -222,7 +219,7 @@ class Bus:
                     servo, servo.status(refusal, data), before_s, chained=index > 0
                 )
                 turn_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
-                self._schedule(turn_s, lambda t: self._chain(reads, index + 1, t, end_s))
+                self._schedule(turn_s, partial(self._chain, reads, index + 1, end_s))
                 return
         self.counts.errors += 1
 
@@ -257,6 +254,9 @@ class Bus:
         self._tell(kind, start_s, end_s, data)
         self._uplink.carry(data, start_s, byte_s)
         return end_s
+
+    def _keep_house(self, servo: Servo, now_s: float) -> None:
+        self.every(HOUSEKEEPING_S, servo.tick)
 
     # -- the rest ------------------------------------------------------------------------------
 

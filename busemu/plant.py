@@ -6,9 +6,9 @@ through four methods, in this order of events::
 
     advance(t)  ->  sample(id) / command(id, ...)  ->  advance(t2)  -> ...
 
-Frames and units: every quantity is that of one servo's *output shaft*, in SI. ``position_rad`` is 0
-at the centre of the servo's range and grows with the register value (counter-clockwise seen from the
-horn). Time is in seconds since the plant was made, and never runs backwards.
+Frames and units: every quantity is that of one servo's *output shaft*, in SI. ``position_rad`` is
+0 at the centre of the servo's range and grows with the register value (counter-clockwise seen from
+the horn). Time is in seconds since the plant was made, and never runs backwards.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""One loop between a port and a bus: wait for bytes or for the next deadline, and keep the joints
-moving in the meantime.
+"""One loop between a port and a bus.
 
+It waits for bytes or for the next deadline, and keeps the joints moving in the meantime.
 There is one thread and no lock. While a reply is on its way the loop advances the joints in small
 slices; just before the reply is due it stops that and spins, so that the reply leaves in time.
 """
@@ -21,7 +21,7 @@ from .ports.pty import PtyPort
 SLICE_S = 0.001
 #: So long before a reply is due nothing else is begun [s]: longer than a slice takes to compute.
 GUARD_S = 0.0004
-#: So long before a reply is due the loop stops sleeping and spins [s]: longer than a sleep overshoots.
+#: So long before a reply is due the loop spins instead of sleeping [s]: sleep overshoots by less.
 SPIN_S = 0.00015
 #: With nothing to do the loop sleeps so long at most [s].
 IDLE_S = 0.0005
@@ -35,7 +35,9 @@ class ServerState:
 
     started_s: float
     replies_late_s: deque[float] = field(default_factory=lambda: deque(maxlen=2000))
-    physics_late_s: float = 0.0  #: how far the joints were behind the clock at worst, since last told
+    physics_late_s: float = (
+        0.0  #: how far the joints were behind the clock at worst, since last told
+    )
 
 
 def serve(

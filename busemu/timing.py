@@ -1,7 +1,7 @@
 """Where each microsecond of a transaction goes.
 
-A transaction is the sum of parts, each of which a profile names, so that turning one knob (baud rate,
-return delay, latency timer) moves the result the way it does on a real bus::
+A transaction is the sum of parts, each of which a profile names, so that turning one knob (baud
+rate, return delay, latency timer) moves the result the way it does on a real bus::
 
     program | host | USB frame | adapter | wire -> servo: turnaround, return delay, interrupt
     program | host | USB frame | adapter: chunk full, or latency timer | wire <- status packet
@@ -17,8 +17,8 @@ The parts, in order:
 * **turnaround**: the servo takes the packet in and looks at its registers.
 * **return delay**: the servo's own register; it covers the turnaround.
 * **interrupt**: the servo's motor control interrupt, which holds a reply back if it is due then.
-* **chunk and latency timer**: the adapter hands bytes up when ``chunk_bytes`` are there, or when the
-  timer that began with the first byte runs out; with no timer, at the end of each packet.
+* **chunk and latency timer**: the adapter hands bytes up when ``chunk_bytes`` are there, or when
+  the timer that began with the first byte runs out; with no timer, at the end of each packet.
 * **wake**: the host's kernel brings the bytes to the port the program reads.
 
 What varies from packet to packet on a real bus (phase of the USB frame, phase of the interrupt)

@@ -67,9 +67,7 @@ class PtyPort:
 
     def baud_rate(self) -> int:
         """The output baud rate that the client has set [bit/s]."""
-        values = _TERMIOS2.unpack(
-            fcntl.ioctl(self._master, _TCGETS2, bytes(_TERMIOS2.size))
-        )
+        values = _TERMIOS2.unpack(fcntl.ioctl(self._master, _TCGETS2, bytes(_TERMIOS2.size)))
         return int(values[-1])
 
     def unlock(self) -> None:

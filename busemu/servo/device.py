@@ -37,7 +37,9 @@ class Servo:
     Time enters as ``now_s`` [s, the bus's clock]; the plant must have been advanced to it.
     """
 
-    def __init__(self, mount: ServoMount, table: ControlTable, plant: Plant, baud_rate: int) -> None:
+    def __init__(
+        self, mount: ServoMount, table: ControlTable, plant: Plant, baud_rate: int
+    ) -> None:
         self.joint = mount.joint
         self.table = table
         self.memory = Memory(table)
@@ -63,18 +65,14 @@ class Servo:
         show_state(memory, self._plant.sample(self._plant_id))
         memory["goal_position"] = memory["present_position"]
         memory["torque_limit"] = memory["max_torque"]
+        self._hear()
         self._plant.command(self._plant_id, drive_command(memory))
 
-    @property
-    def servo_id(self) -> int:
-        """Its ID on the bus."""
-        return self.memory["id"]
-
-    @property
-    def baud_rate(self) -> int:
-        """The baud rate its ``baud_rate`` register stands for [bit/s]."""
+    def _hear(self) -> None:
+        """Note the ID and baud rate [bit/s] that the registers stand for; every packet asks."""
         code = self.memory["baud_rate"]
-        return self.table.baud_rates.get(code) or round(2_000_000 / (code + 1))
+        self.servo_id = self.memory["id"]
+        self.baud_rate = self.table.baud_rates.get(code) or round(2_000_000 / (code + 1))
 
     @property
     def return_delay_s(self) -> float:
@@ -197,6 +195,7 @@ class Servo:
         touched = {register.name for register in self.memory.registers(address, len(data))}
         if "torque_limit" in touched and self.memory["torque_limit"]:
             self.protection.clear()
+        self._hear()
         self._plant.command(self._plant_id, drive_command(self.memory))
 
     def _register(self, address: int, data: bytes) -> Refusal | None:

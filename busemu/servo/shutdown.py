@@ -36,7 +36,9 @@ class Protection:
             alarms |= Alarm.VOLTAGE
         if state.temperature_c > memory.si("temperature_limit"):
             alarms |= Alarm.OVERHEATING
-        stalled = abs(state.duty) >= self._share and abs(state.velocity_rad_s) < STALL_VELOCITY_RAD_S
+        stalled = (
+            abs(state.duty) >= self._share and abs(state.velocity_rad_s) < STALL_VELOCITY_RAD_S
+        )
         if not stalled:
             self._stalled_since_s = None
         elif self._stalled_since_s is None:

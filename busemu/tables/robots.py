@@ -118,10 +118,10 @@ def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:
         raise RobotError(f"{path}: no [[servo]] is listed")
     servos = tuple(_mount(row, bus, path) for row in rows)
     for what, values in (
-        ("id", [s.servo_id for s in servos]),
+        ("id", [str(s.servo_id) for s in servos]),
         ("joint", [s.joint for s in servos]),
     ):
-        twice = sorted({str(v) for v in values if values.count(v) > 1})
+        twice = sorted({value for value in values if values.count(value) > 1})
         if twice:
             raise RobotError(f"{path}: servo {what} {', '.join(twice)} is there twice")
     return Robot(
