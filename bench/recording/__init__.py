@@ -2,7 +2,7 @@
 
 from .describe import describe
 from .errors import RecordingError
-from .files import read, write
+from .files import check_path, read, write
 from .joints import JointTrack, joint_track, joint_tracks
 from .oddities import Gap, Oddities, gaps, oddities
 from .recorder import Recorder
@@ -17,6 +17,7 @@ __all__ = [
     "Recording",
     "RecordingError",
     "Series",
+    "check_path",
     "describe",
     "gaps",
     "joint_track",
