@@ -1,21 +1,31 @@
-"""Commands of the bench for the ``busemu`` command line. Heavy parts are imported when needed."""
+"""Commands of the bench for the ``busemu`` command line.
+
+Heavy parts are imported when a command runs, so that ``busemu --help`` is quick.
+"""
 
 from __future__ import annotations
 
+import math
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from busemu.assemble import plants
 from busemu.cli import fail
-from busemu.tables import RobotError, TableError, load_robot, robots
+from busemu.tables import Robot, RobotError, TableError, load_robot, robots
+from busemu.timing import load_profile
+
+if TYPE_CHECKING:
+    from .running import Session
 
 RobotOption = Annotated[
     str, typer.Option(help=f"One of {', '.join(robots())}, or the path of a robot file (.toml).")
 ]
 
 
-def walk(  # noqa: PLR0917 - a command line
+def walk(
     robot: RobotOption,
     port: Annotated[
         str | None,
@@ -55,14 +65,14 @@ def walk(  # noqa: PLR0917 - a command line
 
     Ctrl-C stops and switches the torque off.
     """
-    from rich.progress import Progress  # noqa: PLC0415
+    from rich.progress import Progress
 
-    from hal.bus_errors import BusError  # noqa: PLC0415
-    from hal.legs import UnreachableError  # noqa: PLC0415
+    from hal.bus_errors import BusError
+    from hal.legs import UnreachableError
 
-    from .recording import RecordingError, write  # noqa: PLC0415
-    from .recording.files import check_path  # noqa: PLC0415
-    from .running import Steering, describe, walk_in  # noqa: PLC0415
+    from .recording import RecordingError, write
+    from .recording.files import check_path
+    from .running import Steering, describe, walk_in
 
     if (port is None) is not virtual:
         fail("give either --port PATH or --virtual")
@@ -96,12 +106,7 @@ def walk(  # noqa: PLR0917 - a command line
         raise typer.Exit(130)
 
 
-def _session(robot, port, plant):  # type: ignore[no-untyped-def]
-    from contextlib import nullcontext
-
-    from busemu.assemble import plants
-    from busemu.timing import load_profile
-
+def _session(robot: Robot, port: str | None, plant: str) -> AbstractContextManager[Session]:
     from .running import in_process, on_port
 
     if port is not None:
@@ -112,5 +117,34 @@ def _session(robot, port, plant):  # type: ignore[no-untyped-def]
     return nullcontext(in_process(robot, makers[plant](robot), load_profile(robot.timing)))
 
 
-def demo(robot: RobotOption = "marvin") -> None:
-    """Demo."""
+def demo(
+    robot: RobotOption = "marvin",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results. Default: demo-ROBOT.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long to walk.")] = 10.0,
+) -> None:
+    """Serve a robot, time its bus, let it walk, and leave a folder of pictures and recordings."""
+    from .demo import DemoError, run_demo
+
+    if seconds <= 0:
+        fail(f"--seconds must be more than 0, not {seconds:g}")
+    try:
+        described = load_robot(robot)
+        folder = out or Path(f"demo-{described.name}")
+        result = run_demo(described, robot, folder, seconds, lambda text: typer.echo(f"- {text}"))
+    except (RobotError, TableError, DemoError) as error:
+        fail(error)
+    except KeyboardInterrupt:
+        typer.echo("interrupted; the server is stopped")
+        raise typer.Exit(130) from None
+    moved = result.moved
+    typer.echo(
+        f"\n{result.table}\n\n"
+        f"walked {moved.distance_m:.3f} m in {moved.duration_s:.1f} s, "
+        f"turned {math.degrees(moved.turned_rad):+.1f} degrees\n\n"
+        f"look at   {folder}/README.md, {folder}/walk.gif, {folder}/timing.png\n"
+        f"try next  busemu serve --robot {robot} --link /tmp/{described.name}\n"
+        f"          busemu walk --robot {robot} --port /tmp/{described.name} "
+        "--v-left 1.5 --v-right 0.5"
+    )

@@ -123,6 +123,11 @@ class Bus:
         """When the host has the next bytes, as far as that is known already [s]."""
         return self._uplink.next_deadline_s()
 
+    @property
+    def line_free_s(self) -> float:
+        """When the last byte that the host has sent so far is over on the wire [s]."""
+        return self._out_free_s
+
     def poll(self, now_s: float) -> bytes:
         """Let everything happen that is due by ``now_s``; the bytes the host has by then."""
         while self._events[0][0] <= now_s:
@@ -176,9 +181,10 @@ class Bus:
         writes = group_writes(packet, self.protocol)
         reads = group_read(packet, self.protocol)
         if writes is not None:
-            by_id = {servo.servo_id: servo for servo in servos}
-            for servo_id, address, data in writes:
-                if servo_id in by_id and by_id[servo_id].write(address, data) is not None:
+            wanted = {servo_id: (address, data) for servo_id, address, data in writes}
+            for servo in servos:
+                write = wanted.get(servo.servo_id)
+                if write is not None and servo.write(*write) is not None:
                     self.counts.errors += 1
         elif reads is not None:
             self._chain(reads, 0, end_s, now_s)

@@ -1,0 +1,5 @@
+"""``python -m busemu``: the command line."""
+
+from .cli import main
+
+main()
