@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .style import INK, panels
+from .style import INK, panels, styled
 
 Floats = NDArray[np.float64]
 
@@ -61,11 +61,12 @@ def duty_factor(stance: Floats, duration_s: float) -> float:
     return float((stance[:, 1] - stance[:, 0]).sum() / duration_s) if duration_s > 0.0 else 0.0
 
 
+@styled
 def gait_figure(
     stances: Mapping[str, Floats],
     *,
     window_s: tuple[float, float] | None = None,
-    title: str = "Gait: black where the foot is down",
+    title: str = "Gait: black where the foot is down, and for how much of the time",
 ) -> Figure:
     """Draw a row a leg with a bar for every span in which its foot is down.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bench.recording.joints import JointTrack
 
-from .style import GOAL, MEASURED, STANCE, panels
+from .style import GOAL, MEASURED, STANCE, panels, styled
 
 Floats = NDArray[np.float64]
 
@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 DOTS = 400
 
 
+@styled
 def joint_figure(
     tracks: Sequence[JointTrack],
     *,
@@ -41,10 +42,7 @@ def joint_figure(
         _draw(axes, track, start_s, stop_s)
     every[-1].set_xlabel("time [s]")
     every[-1].set_xlim(start_s, stop_s)
-    handles, labels = every[0].get_legend_handles_labels()
-    every[0].legend(
-        handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2
-    )
+    figure.legend(*every[0].get_legend_handles_labels(), loc="upper right", ncols=3)
     return figure
 
 
@@ -71,14 +69,8 @@ def _draw(axes: Axes, track: JointTrack, start_s: float, stop_s: float) -> None:
     error = error[~np.isnan(error)]
     if error.size:
         rms = np.degrees(np.sqrt(np.mean(np.square(error))))
-        axes.annotate(
-            f"RMS of goal − measured: {rms:.1f}°",
-            (0.0, 1.0),
-            xycoords="axes fraction",
-            xytext=(60, 4),
-            textcoords="offset points",
-            fontsize=8.5,
-            color="#5b6470",
+        axes.set_title(
+            f"RMS of goal − measured {rms:.1f}°", loc="right", fontsize=8.5, fontweight="normal"
         )
 
 

@@ -12,12 +12,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .style import INK, MEASURED, START, STOP, panels
+from .style import INK, MEASURED, START, STOP, panels, styled
 
 Floats = NDArray[np.float64]
 
 #: heading arrows along a path
 ARROWS = 12
+#: a picture's narrow side is at least this share of the longer extent of the path
+NARROWEST = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ def displacement(t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats) -> Disp
     )
 
 
+@styled
 def path_figure(
     t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats, *, title: str = "Path of the body"
 ) -> Figure:
@@ -60,9 +63,9 @@ def path_figure(
     Distance, speed and turn are given below the title. Raises ``ValueError`` for no samples.
     """
     measured = displacement(t_s, x_m, y_m, yaw_rad)
-    (low_x, high_x), (low_y, high_y) = _room(x_m), _room(y_m)
-    high = 5.0 * np.clip((high_y - low_y) / (high_x - low_x), 0.45, 1.6)
-    figure, (axes,) = panels(1, 6.2, float(high) + 1.2, title)
+    span_m = max(np.ptp(x_m), np.ptp(y_m), 0.1)
+    (low_x, high_x), (low_y, high_y) = (_room(v, NARROWEST * span_m) for v in (x_m, y_m))
+    figure, (axes,) = panels(1, 6.2, 5.3 * (high_y - low_y) / (high_x - low_x) + 1.1, title)
     axes.plot(x_m, y_m, color=MEASURED)
     at = np.unique(np.linspace(0, len(t_s) - 1, ARROWS).astype(int))
     reach = 0.06 * max(high_x - low_x, high_y - low_y)
@@ -74,7 +77,8 @@ def path_figure(
         angles="xy",
         scale_units="xy",
         scale=1.0,
-        width=0.005,
+        units="inches",
+        width=0.022,
         color=INK,
         zorder=3,
     )
@@ -95,8 +99,8 @@ def path_figure(
     return figure
 
 
-def _room(values: Floats, least_m: float = 0.10) -> tuple[float, float]:
-    """Bounds around ``values`` with a margin, at least ``least_m`` apart."""
+def _room(values: Floats, least_m: float) -> tuple[float, float]:
+    """Give bounds around ``values`` with a margin, at least ``least_m`` apart."""
     low, high = float(np.min(values)), float(np.max(values))
-    spare = max(0.15 * (high - low), (least_m - (high - low)) / 2.0, 0.04)
+    spare = max(0.12 * (high - low), (least_m - (high - low)) / 2.0)
     return low - spare, high + spare

@@ -16,7 +16,7 @@ GRID = "#e3e6ea"
 GOAL = "#8a919c"
 MEASURED = "#0b6bcb"
 MODELLED = "#e07b00"
-STANCE = "#eef1f5"
+STANCE = "#e4e9f0"
 START = "#2e8b57"
 STOP = "#c0392b"
 
@@ -50,24 +50,26 @@ _LOOK: Mapping[Any, Any] = MappingProxyType(
 )
 
 
+#: decorator of every function that draws: its figure gets the common style
+styled = mpl.rc_context(dict(_LOOK))
+
+
 def panels(
     count: int, width_in: float, height_in: float, title: str = "", *, share_x: bool = False
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure of ``count`` panels below each other, in the common style; sizes in inches."""
-    with mpl.rc_context(dict(_LOOK)):
-        figure = Figure(figsize=(width_in, height_in), layout="constrained")
-        axes = figure.subplots(count, 1, sharex=share_x, squeeze=False)[:, 0]
-        if title:
-            figure.suptitle(title, x=0.01, ha="left", fontsize=11.0, fontweight="bold")
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    axes = figure.subplots(max(count, 1), 1, sharex=share_x, squeeze=False)[:, 0]
+    if title:
+        figure.suptitle(title, x=0.01, ha="left", fontsize=11.0, fontweight="bold")
     return figure, list(axes)
 
 
+@styled
 def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure as what the suffix says (``.png``, ``.svg``, ``.pdf``); returns the path.
 
     Raises ``ValueError`` for another suffix.
     """
-    path = Path(path)
-    with mpl.rc_context(dict(_LOOK)):
-        figure.savefig(path, dpi=DPI)
-    return path
+    figure.savefig(path, dpi=DPI)
+    return Path(path)

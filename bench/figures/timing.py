@@ -10,13 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .style import INK, MEASURED, MODELLED, panels
+from .style import INK, MEASURED, MODELLED, panels, styled
 
 Floats = NDArray[np.float64]
 
 #: whiskers reach from and to these percentiles
 WHISKERS = (5.0, 95.0)
 MS = 1e3
+#: the thesis's mark stands this far below its bar
+THESIS_OFFSET = 0.34
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +40,7 @@ class TimingRow:
         return float(low), float(middle), float(high)
 
 
+@styled
 def timing_figure(rows: Sequence[TimingRow], *, title: str = "Time a transaction takes") -> Figure:
     """Draw, a line a kind: median with 5-95 % whiskers, the model's value, the thesis's value."""
     figure, (axes,) = panels(1, 8.0, 1.2 + 0.62 * max(len(rows), 1), title)
@@ -57,28 +60,46 @@ def timing_figure(rows: Sequence[TimingRow], *, title: str = "Time a transaction
         label="measured: median, 5–95 %",
     )
     _marks(axes, [r.modelled_s for r in rows], "modelled", marker="|", color=MODELLED, size=15.0)
-    _marks(axes, [r.thesis_s for r in rows], "thesis", marker="D", color=INK, size=5.5)
+    _marks(
+        axes,
+        [r.thesis_s for r in rows],
+        "thesis",
+        marker="D",
+        color=INK,
+        size=5.0,
+        offset=THESIS_OFFSET,
+    )
     for place, row in zip(places, rows, strict=True):
+        axes.annotate(
+            "-" if np.isnan(middle[int(place)]) else f"{middle[int(place)]:.2f} ms",
+            (1.0, place),
+            xycoords=("axes fraction", "data"),
+            xytext=(6, 0),
+            textcoords="offset points",
+            va="center",
+            color=MEASURED,
+            fontsize=8.5,
+        )
         if row.thesis_s is not None and row.thesis_is_bound:
             axes.annotate(
                 "at most",
-                (row.thesis_s * MS, place),
-                xytext=(0, 9),
+                (row.thesis_s * MS, place + THESIS_OFFSET),
+                xytext=(7, 0),
                 textcoords="offset points",
-                ha="center",
-                va="bottom",
-                fontsize=7.5,
+                va="center",
+                fontsize=8.0,
             )
     axes.set_yticks(places, [row.kind for row in rows])
-    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_ylim(len(rows) - 0.4, -0.5)
     axes.set_xlim(left=0.0)
     axes.tick_params(axis="y", length=0)
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("time [ms]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.2)
+    figure.legend(loc="upper right", ncols=3)
     return figure
 
 
+@styled
 def histogram_figure(
     durations_s: Floats, *, marks_s: dict[str, float] | None = None, title: str = "", bins: int = 60
 ) -> Figure:
@@ -108,9 +129,18 @@ def histogram_figure(
 
 
 def _marks(
-    axes: Axes, values: Sequence[float | None], label: str, *, marker: str, color: str, size: float
+    axes: Axes,
+    values: Sequence[float | None],
+    label: str,
+    *,
+    marker: str,
+    color: str,
+    size: float,
+    offset: float = 0.0,
 ) -> None:
-    there = [(value * MS, place) for place, value in enumerate(values) if value is not None]
+    there = [
+        (value * MS, place + offset) for place, value in enumerate(values) if value is not None
+    ]
     if there:
         x, y = zip(*there, strict=True)
         axes.plot(
