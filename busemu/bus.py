@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from .group import GroupRead, group_read, group_writes
+from .group import GroupRead, group_read, group_writes, superpose
 from .plant import Plant
 from .protocol import (
     BROADCAST_ID,
@@ -78,7 +79,10 @@ class Bus:
         self._uplink = Uplink(profile)
         self._out_free_s = start_s  #: when the adapter can begin with the next packet
         self._last_byte_s = start_s  #: end of the last byte that a servo's receiver has seen
-        self._reply: tuple[float, float, bytes] | None = None  #: the reply last put on the wire
+        self._out_start_s = start_s  #: when the bytes last received begin on the wire
+        self._reply_s = (start_s, start_s)  #: when the last reply begins and ends on the wire
+        self._heard = bytearray()  #: bytes of the host that are no whole packet yet
+        self._heard_s = start_s  #: when the first of them began
         for index, servo in enumerate(self.servos):
             self._schedule(
                 start_s + HOUSEKEEPING_S * index / len(self.servos),
@@ -91,26 +95,26 @@ class Bus:
         """Bytes that the program handed to the driver at ``now_s``."""
         byte_s = self.profile.byte_s(self.baud_rate)
         start_s = max(now_s, self._out_free_s) + self.profile.out_s()
+        self._out_start_s = start_s
         self._out_free_s = start_s + len(data) * byte_s
         if start_s - self._last_byte_s > INTERBYTE_TIMEOUT_S[self.protocol]:
-            self._noise(self._framer.abort())
+            self._noise(self._framer.abort(), byte_s)
         self._last_byte_s = self._out_free_s
-        if self._reply is not None and start_s < self._reply[1]:
+        if start_s < self._reply_s[1] and self._reply_s[0] < self._out_free_s:
             self.counts.errors += 1
             self._tell(WireEventKind.COLLISION, start_s, self._out_free_s, data)
             return
-        begun_s = start_s
-        run = bytearray()
         for index in range(len(data)):
-            run += data[index : index + 1]
+            if not self._heard:
+                self._heard_s = start_s + index * byte_s
+            self._heard += data[index : index + 1]
             for packet in self._framer.feed(data[index : index + 1]):
-                end_s = start_s + (index + 1) * byte_s
                 if isinstance(packet, Noise):
-                    self._noise(packet)
+                    self._noise(packet, byte_s)
                     continue
-                self._tell(WireEventKind.INSTRUCTION, begun_s, end_s, bytes(run))
-                begun_s = end_s
-                run.clear()
+                end_s = start_s + (index + 1) * byte_s
+                self._tell(WireEventKind.INSTRUCTION, self._heard_s, end_s, bytes(self._heard))
+                self._heard.clear()
                 self._take(packet, end_s)
 
     def next_deadline_s(self) -> float:
@@ -134,6 +138,13 @@ class Bus:
             at_s, _, event = heapq.heappop(self._events)
             self.advance_plant(at_s)
             event(at_s)
+        return self.deliver(now_s)
+
+    def deliver(self, now_s: float) -> bytes:
+        """Only the bytes the host has by ``now_s`` of what has already happened.
+
+        For a caller in a hurry: nothing else is done first, as :meth:`poll` would.
+        """
         return self._uplink.poll(now_s)
 
     def advance_plant(self, to_s: float) -> None:
@@ -172,9 +183,14 @@ class Bus:
         ]
 
     def _refuse(self, packet: BadPacket, end_s: float, now_s: float) -> None:
-        for servo in self._listening(now_s):
-            if servo.servo_id == packet.servo_id and servo.answers(Instruction.WRITE):
-                self._answer(servo, servo.status(Refusal.CHECKSUM), end_s)
+        self._answer(
+            [
+                (servo.return_delay_s, servo.status(Refusal.CHECKSUM))
+                for servo in self._listening(now_s)
+                if servo.servo_id == packet.servo_id and servo.answers(Instruction.WRITE)
+            ],
+            end_s,
+        )
 
     def _execute(self, packet: InstructionPacket, end_s: float, now_s: float) -> None:
         servos = self._listening(now_s)
@@ -194,12 +210,24 @@ class Bus:
             for servo in servos:
                 servo.execute(BROADCAST_ID, packet.instruction, packet.parameters, now_s)
         elif self.protocol == 2.0:
-            for servo in sorted(servos, key=lambda s: s.servo_id):
-                slot_s = end_s + servo.servo_id * self.profile.ping_slot_s
-                self._schedule(max(now_s, slot_s), partial(self._answer_ping, servo, slot_s))
+            ids = sorted({servo.servo_id for servo in servos})
+            self._introduce(ids, end_s, end_s, now_s)
 
-    def _answer_ping(self, servo: Servo, slot_s: float, now_s: float) -> None:
-        self._answer(servo, servo.status(None, servo.identity()), slot_s)
+    def _introduce(self, ids: list[int], asked_s: float, before_s: float, now_s: float) -> None:
+        """The next reply to a broadcast ping: in the slot of its ID, and after the one before."""
+        if not ids:
+            return
+        slot_s = max(before_s, asked_s + ids[0] * self.profile.ping_slot_s)
+        if now_s < slot_s:
+            self._schedule(slot_s, partial(self._introduce, ids, asked_s, before_s))
+            return
+        replies = [
+            (servo.return_delay_s, servo.status(None, servo.identity()))
+            for servo in self._listening(now_s)
+            if servo.servo_id == ids[0]
+        ]
+        end_s = self._answer(replies, slot_s)
+        self._schedule(max(now_s, end_s), partial(self._introduce, ids[1:], asked_s, end_s))
 
     def _single(
         self, packet: InstructionPacket, servos: list[Servo], now_s: float, end_s: float
@@ -207,59 +235,70 @@ class Bus:
         addressed = [servo for servo in servos if servo.servo_id == packet.servo_id]
         if not addressed:
             self.counts.errors += 1
+        replies: list[tuple[float, StatusPacket]] = []
         for servo in addressed:
             delay_s = servo.return_delay_s
             status = servo.execute(packet.servo_id, packet.instruction, packet.parameters, now_s)
             if status is not None:
-                self._answer(servo, status, end_s, delay_s=delay_s)
+                replies.append((delay_s, status))
+        self._answer(replies, end_s)
 
     def _chain(self, reads: GroupRead, index: int, before_s: float, now_s: float) -> None:
         """The turn of one servo of a sync or bulk read; a mute one silences all after it."""
         if index == len(reads.items):
             return
         servo_id, address, length = reads.items[index]
+        replies: list[tuple[float, StatusPacket]] = []
         for servo in self._listening(now_s):
             if servo.servo_id == servo_id and servo.answers(reads.instruction):
                 refusal, data = servo.read(address, length)
-                end_s = self._answer(
-                    servo, servo.status(refusal, data), before_s, chained=index > 0
-                )
-                turn_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
-                self._schedule(turn_s, partial(self._chain, reads, index + 1, end_s))
-                return
-        self.counts.errors += 1
+                replies.append((servo.return_delay_s, servo.status(refusal, data)))
+        if not replies:
+            self.counts.errors += 1
+            return
+        end_s = self._answer(replies, before_s, chained=index > 0)
+        turn_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
+        self._schedule(turn_s, partial(self._chain, reads, index + 1, end_s))
 
     def _answer(
         self,
-        servo: Servo,
-        status: StatusPacket,
+        replies: Sequence[tuple[float, StatusPacket]],
         after_s: float,
         *,
         chained: bool = False,
-        delay_s: float | None = None,
     ) -> float:
-        """Put a status packet on the wire; returns when its last byte ends [s]."""
-        data = self._encode(status)
+        """Put the replies to one instruction on the wire; returns when the last byte ends [s].
+
+        Each is a return delay [s] and a status packet. Several come from servos with one ID.
+        """
         byte_s = self.profile.byte_s(self.baud_rate)
-        if delay_s is None:
-            delay_s = servo.return_delay_s
-        start_s = after_s + self.profile.reply_s(delay_s, chained=chained)
-        end_s = start_s + len(data) * byte_s
-        self.counts.replies += 1
-        if status.error & 0x7F:
-            self.counts.errors += 1
-        kind = WireEventKind.STATUS
-        if self._reply is not None and start_s < self._reply[1]:
-            # Two servos drive the line at once, as with one ID given twice: nobody can read that.
-            kind = WireEventKind.COLLISION
-            self.counts.errors += 1
-            data = bytes(0 if index % 2 else value for index, value in enumerate(data))
-            start_s = self._reply[1]
-        self._reply = (start_s, end_s, data)
-        self._last_byte_s = max(self._last_byte_s, end_s)
-        self._tell(kind, start_s, end_s, data)
-        self._uplink.carry(data, start_s, byte_s)
+        runs = []
+        for delay_s, status in replies:
+            self.counts.replies += 1
+            self.counts.errors += bool(status.error & 0x7F)
+            start_s = after_s + self.profile.reply_s(delay_s, chained=chained)
+            runs.append((start_s, self._encode(status)))
+        end_s = after_s
+        for start_s, data, collided in superpose(runs, byte_s):
+            end_s = start_s + len(data) * byte_s
+            self._carry(start_s, data, byte_s, collided)
         return end_s
+
+    def _carry(self, start_s: float, data: bytes, byte_s: float, collided: bool) -> None:
+        """Bring a reply to the host, as far as the line and the adapter are free for it."""
+        free_s = self._reply_s[1]
+        if self._out_start_s <= start_s:
+            free_s = max(free_s, self._out_free_s)  # an adapter that sends does not listen
+        lost = max(0, math.ceil((free_s - start_s) / byte_s - 1e-6)) if byte_s else 0
+        collided = collided or lost > 0
+        self.counts.errors += collided
+        end_s = start_s + len(data) * byte_s
+        kind = WireEventKind.COLLISION if collided else WireEventKind.STATUS
+        self._tell(kind, start_s, end_s, data)
+        self._reply_s = (start_s, max(self._reply_s[1], end_s))
+        self._last_byte_s = max(self._last_byte_s, end_s)
+        if data[lost:]:
+            self._uplink.carry(data[lost:], start_s + lost * byte_s, byte_s)
 
     def _keep_house(self, servo: Servo, now_s: float) -> None:
         self.every(HOUSEKEEPING_S, servo.tick)
@@ -269,11 +308,13 @@ class Bus:
     def _schedule(self, at_s: float, event: Event) -> None:
         heapq.heappush(self._events, (at_s, next(self._order), event))
 
-    def _noise(self, noise: Noise | None) -> None:
+    def _noise(self, noise: Noise | None, byte_s: float) -> None:
         if noise is not None:
             self.counts.noise_bytes += len(noise.data)
-            if self.on_wire is not None:
-                self._tell(WireEventKind.NOISE, self._last_byte_s, self._last_byte_s, noise.data)
+            end_s = self._heard_s + len(noise.data) * byte_s
+            self._tell(WireEventKind.NOISE, self._heard_s, end_s, noise.data)
+            self._heard_s = end_s
+            del self._heard[: len(noise.data)]
 
     def _tell(self, kind: WireEventKind, start_s: float, end_s: float, data: bytes) -> None:
         if self.on_wire is not None:

@@ -16,7 +16,7 @@ import typer
 from .assemble import assemble, plants
 from .observe import Observation, ObservationError
 from .ports.pty import LinkError, PtyPort
-from .serve import ServerState, serve
+from .serve import ServerState, prepare_process, serve
 from .tables import RobotError, TableError, load_robot, robots
 from .timing import ProfileError, load_profile, profiles
 
@@ -84,7 +84,8 @@ def serve_command(
 
         busemu walk --robot marvin --port /dev/pts/3
     """
-    signal.signal(signal.SIGTERM, _stop)
+    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, _stop)  # a shell's background jobs start with SIGINT ignored
     try:
         described = load_robot(robot)
         profile = load_profile(timing or described.timing)
@@ -99,6 +100,7 @@ def serve_command(
         joints = makers[plant](described)
         if observe is not None:
             observation = Observation(observe, described, joints)
+        prepare_process()
         bus = assemble(described, joints, profile, start_s=time.monotonic())
         typer.echo(
             f"{described.name}: {len(bus.servos)} servos, Protocol {described.protocol}, "
@@ -121,9 +123,9 @@ def serve_command(
     except KeyboardInterrupt:
         typer.echo("\nstopped")
     finally:
+        port.close()
         if observation is not None:
             observation.close()
-        port.close()
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:

@@ -1,4 +1,4 @@
-"""Instructions to several servos at once: who is asked for what, who is written what.
+"""Instructions to several servos at once, and replies of several servos at once.
 
 Layouts (e-manual): a sync instruction names one address and length for all IDs; a bulk instruction
 names them for each. Addresses and lengths are one byte in Protocol 1.0 and two in 2.0. A packet
@@ -7,6 +7,7 @@ whose parameters do not divide up is nobody's: servos cannot answer it and stay 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .protocol import BROADCAST_ID, Instruction, InstructionPacket
@@ -82,3 +83,27 @@ def _pair(parameters: bytes, width: int) -> tuple[int, int]:
         int.from_bytes(parameters[:width], "little"),
         int.from_bytes(parameters[width : 2 * width], "little"),
     )
+
+
+def superpose(
+    runs: Sequence[tuple[float, bytes]], byte_s: float
+) -> list[tuple[float, bytes, bool]]:
+    """What the line carries when each of ``runs`` (start [s], bytes) is driven onto it.
+
+    Runs that meet become one, in which the zeros of each win (assumed; by whole bytes), and which
+    is marked as a collision. Two servos alike to the bit can so still be read.
+    """
+    carried: list[tuple[float, bytes, bool]] = []
+    for start_s, data in sorted(runs):
+        if carried:
+            first_s, before, _ = carried[-1]
+            offset = round((start_s - first_s) / byte_s) if byte_s else 0
+            if offset < len(before):
+                length = max(len(before), offset + len(data))
+                mixed = bytearray(before.ljust(length, b"\xff"))
+                for index, value in enumerate(data):
+                    mixed[offset + index] &= value
+                carried[-1] = (first_s, bytes(mixed), True)
+                continue
+        carried.append((start_s, data, False))
+    return carried

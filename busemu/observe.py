@@ -57,5 +57,9 @@ class Observation:
         partial.replace(metadata)
         with contextlib.suppress(FileNotFoundError):
             self._path.unlink()
-        os.link(f"/proc/self/fd/{self._file.fileno()}", self._path, follow_symlinks=True)
+        # With a folder's descriptor Python calls linkat(), which follows /proc's symlink.
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        nameless = f"/proc/self/fd/{self._file.fileno()}"
+        os.link(nameless, self._path, src_dir_fd=folder, follow_symlinks=True)
+        os.close(folder)
         self._file.close()

@@ -23,6 +23,9 @@ SLICE_S = 0.001
 GUARD_S = 0.0004
 #: So long before a reply is due the loop spins instead of sleeping [s]: sleep overshoots by less.
 SPIN_S = 0.00015
+#: After a reply the loop does nothing but listen for so long [s], without sleeping: a program that
+#: reads one servo after another sends its next request now.
+NEXT_S = 0.00015
 #: With nothing to do the loop sleeps so long at most [s].
 IDLE_S = 0.0005
 
@@ -54,9 +57,6 @@ def serve(
     ``tell`` is called about every ``every_s`` and ``observe`` every ``observe_every_s`` [s], never
     while a reply is due.
     """
-    _precise_sleep()
-    gc.collect()
-    gc.freeze()
     now_s = time.monotonic()
     state = ServerState(now_s)
     tell_s, observe_s = now_s + every_s, now_s
@@ -65,12 +65,12 @@ def serve(
         reply_s = bus.next_reply_s()
         if reply_s is not None and reply_s - now_s < GUARD_S:
             _wait_until(reply_s)
-            port.write(bus.poll(time.monotonic()))
+            port.write(bus.deliver(time.monotonic()))
             state.replies_late_s.append(time.monotonic() - reply_s)
-            continue
+            _listen(port, time.monotonic() + NEXT_S)
+            now_s = time.monotonic()
         if port.wait(0.0):
             bus.baud_rate = port.baud_rate() or bus.baud_rate
-            now_s = time.monotonic()
             bus.receive(port.read(), now_s)
         behind_s = now_s - bus.plant_s
         until_s = min(now_s, bus.plant_s + SLICE_S)
@@ -103,7 +103,19 @@ def _wait_until(instant_s: float) -> None:
         pass
 
 
-def _precise_sleep() -> None:
-    """Ask the kernel to wake this process without its usual 50 us of slack."""
+def _listen(port: PtyPort, until_s: float) -> None:
+    """Spin until bytes have come, or until ``until_s``."""
+    while not port.wait(0.0) and time.monotonic() < until_s:
+        pass
+
+
+def prepare_process() -> None:
+    """Make this process punctual: to be called once all is loaded, before time counts.
+
+    The kernel shall wake it without its usual 50 us of slack, and the garbage collector shall not
+    look again at what is there already.
+    """
+    gc.collect()
+    gc.freeze()
     libc = ctypes.CDLL(None, use_errno=True)
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)

@@ -27,6 +27,7 @@ enters with its mean: a profile gives typical times, without jitter.
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections import deque
 from dataclasses import dataclass, fields, replace
@@ -127,11 +128,17 @@ def _profile(document: dict[str, Any], path: Path) -> Profile:
         if key in ("name", "source"):
             values[key] = str(value)
         elif key == "instant":
-            values[key] = bool(value)
-        elif isinstance(value, bool) or not isinstance(value, int | float) or value < 0:
+            if not isinstance(value, bool):
+                raise ProfileError(f"{path}: instant must be true or false, not {value!r}")
+            values[key] = value
+        elif type(value) not in (int, float) or not 0 <= value < math.inf:
             raise ProfileError(f"{path}: {key} must be a number of at least 0, not {value!r}")
+        elif key in ("chunk_bytes", "bits_per_byte"):
+            if not isinstance(value, int):
+                raise ProfileError(f"{path}: {key} must be a whole number, not {value!r}")
+            values[key] = value
         else:
-            values[key] = int(value) if key in ("chunk_bytes", "bits_per_byte") else float(value)
+            values[key] = float(value)
     profile = replace(base, **values)
     if profile.bits_per_byte < 1:
         raise ProfileError(f"{path}: bits_per_byte must be at least 1")

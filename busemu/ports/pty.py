@@ -11,6 +11,7 @@ import fcntl
 import os
 import select
 import struct
+import subprocess
 import termios
 import tty
 from pathlib import Path
@@ -27,8 +28,8 @@ class LinkError(ValueError):
 class PtyPort:
     """The master end of a pseudo-terminal, and a symlink to its slave if asked for.
 
-    The link vanishes with :meth:`close`, and also when the process is killed: a child process that
-    does nothing else waits for that.
+    The link vanishes with :meth:`close`, and also when this process is killed: a shell that does
+    nothing else waits for that.
     """
 
     def __init__(self, link: Path | None = None) -> None:
@@ -39,9 +40,9 @@ class PtyPort:
         tty.setraw(self._slave)
         self.path = os.ttyname(self._slave)
         self.link = link
-        self._guard: int | None = None
+        self._guard: subprocess.Popen[bytes] | None = None
         if link is not None:
-            self._guard = _guard(link, self.path, (self._master, self._slave))
+            self._guard = _guard(link, self.path)
             os.symlink(self.path, link)
 
     def fileno(self) -> int:
@@ -78,10 +79,10 @@ class PtyPort:
         """Take the link away and close both ends."""
         if self.link is not None:
             _unlink_own(self.link, self.path)
-        for descriptor in (self._guard, self._master, self._slave):
-            if descriptor is not None:
-                os.close(descriptor)
-        self._guard = None
+        if self._guard is not None:
+            self._guard.communicate()
+        os.close(self._master)
+        os.close(self._slave)
 
 
 def _check_link(link: Path) -> None:
@@ -105,23 +106,16 @@ def _unlink_own(link: Path, target: str) -> None:
             link.unlink()
 
 
-def _guard(link: Path, target: str, close: tuple[int, ...]) -> int:
-    """Fork a child that removes the link once this process is gone, however it went.
+#: Waits for its input to end, then removes the link if it still leads to the same port.
+_GUARD = """trap '' INT TERM HUP; read -r _; [ "$(readlink "$1")" = "$2" ] && rm -f "$1"; exit 0"""
 
-    Returns the end of the pipe that keeps the child waiting.
-    """
-    waiting, holding = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.setsid()
-        if os.fork() == 0:
-            for descriptor in (holding, *close, 0, 1, 2):
-                with contextlib.suppress(OSError):
-                    os.close(descriptor)
-            with contextlib.suppress(OSError):
-                os.read(waiting, 1)
-            _unlink_own(link, target)
-        os._exit(0)
-    os.waitpid(child, 0)
-    os.close(waiting)
-    return holding
+
+def _guard(link: Path, target: str) -> subprocess.Popen[bytes]:
+    """Start a shell that removes the link once this process is gone, however it went."""
+    return subprocess.Popen(
+        ["/bin/sh", "-c", _GUARD, "link-guard", str(link.absolute()), target],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
