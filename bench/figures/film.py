@@ -18,6 +18,9 @@ GUTTER_PX = 4
 LABEL_PX = 18
 BACKGROUND = (255, 255, 255)
 TEXT = (34, 39, 46)
+#: a GIF's palette is chosen from at most so many frames, and about so many of their pixels
+PALETTE_FRAMES = 32
+PALETTE_PX = 500_000
 
 
 def film_strip(
@@ -81,9 +84,12 @@ def write_gif(frames: Sequence[Frame], path: str | Path, *, frame_s: float) -> P
 
 
 def _palette(frames: Sequence[Frame]) -> Image.Image:
-    """One palette for all frames, from some of them: colours that do not flicker."""
-    some = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, 5).astype(int))]
-    return Image.fromarray(np.concatenate(some)).quantize(256, method=Image.Quantize.MEDIANCUT)
+    """Choose one palette for all frames, so that colours do not flicker."""
+    chosen = np.unique(np.linspace(0, len(frames) - 1, PALETTE_FRAMES).astype(int))
+    some = np.concatenate([frames[i] for i in chosen])
+    step = max(1, int(np.sqrt(some.shape[0] * some.shape[1] / PALETTE_PX)))
+    thinned = np.ascontiguousarray(some[::step, ::step])
+    return Image.fromarray(thinned).quantize(256, method=Image.Quantize.MEDIANCUT)
 
 
 def _check(frames: Sequence[Frame]) -> None:

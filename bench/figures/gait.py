@@ -96,7 +96,7 @@ def gait_figure(
             fontsize=8.5,
         )
     axes.set_yticks(range(len(names)), [f"{LEGS.get(n, '')} ({n})".lstrip() for n in names])
-    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_ylim(max(len(names), 1) - 0.5, -0.5)
     axes.set_xlim(start_s, stop_s)
     axes.tick_params(axis="y", length=0)
     axes.grid(visible=False, axis="y")

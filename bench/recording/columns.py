@@ -34,6 +34,9 @@ REQUIRED: Mapping[str, pa.DataType] = MappingProxyType(
 OPTIONAL: Mapping[str, pa.DataType] = MappingProxyType({"t_latch_s": pa.float64()})
 KNOWN: Mapping[str, pa.DataType] = MappingProxyType({**REQUIRED, **OPTIONAL})
 
+#: what to do about a bad cell
+MEND = "correct the cell or take the row out"
+
 
 def canonical(table: pa.Table, path: Path | None) -> pa.Table:
     """Return ``table`` with its known columns first, of one chunk and of the types above.
@@ -95,7 +98,7 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path | None) -> pa.Array:
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
         what = {pa.int16(): "the ID of a servo", TEXT: "a text"}.get(kind, "a number")
         row, cell = _first_bad_cell(column, pa.string() if kind == TEXT else kind)
-        rule = f"{name} {cell!r} is not {what}: correct the cell or take the row out"
+        rule = f"{name} {cell!r} is not {what}: {MEND}"
         raise RecordingError(path, rule, row) from None
     if flat.null_count and kind == pa.float64():
         return pc.fill_null(flat, float("nan"))

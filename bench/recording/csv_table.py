@@ -14,7 +14,7 @@ from typing import BinaryIO
 import pyarrow as pa
 import pyarrow.csv
 
-from .columns import KNOWN, REQUIRED, missing_columns, texts
+from .columns import KNOWN, MEND, REQUIRED, missing_columns, texts
 from .errors import RecordingError
 
 #: rows turned to text at a time when writing
@@ -88,5 +88,5 @@ def _explain(path: Path) -> None:
                         convert(cell)
                     except ValueError:
                         raise RecordingError(
-                            path, f"{name} {cell!r} is not {what}: correct the cell", number
+                            path, f"{name} {cell!r} is not {what}: {MEND}", number
                         ) from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -62,12 +63,12 @@ class Oddities:
 def counted(recording: Recording) -> tuple[SeriesCount, ...]:
     """Count every series of a recording; sorted by register, operation, servo."""
     table = recording.table
-    order, starts = _grouped(recording)
+    order, spans = _grouped(recording)
     times, raw = numbers(table, "t_s")[order], numbers(table, "raw")[order]
     servo, (op, ops) = servo_ids(table)[order], texts(table, "op")
     register, registers = texts(table, "register")
     found = []
-    for start, end in zip(starts, [*starts[1:], len(order)], strict=True):
+    for start, end in spans:
         row = order[start]
         gaps = np.diff(times[start:end])
         found.append(
@@ -121,10 +122,10 @@ def gaps(recording: Recording) -> tuple[Gap, ...]:
     Series of fewer than ten intervals have no rate and no gaps. A lost reply is no gap: the access
     was made.
     """
-    order, starts = _grouped(recording)
+    order, spans = _grouped(recording)
     times = recording.t_s[order]
     found: list[NDArray[np.float64]] = []
-    for start, end in zip(starts, [*starts[1:], len(order)], strict=True):
+    for start, end in spans:
         mine = times[start:end]
         intervals = np.diff(mine)
         if intervals.size >= SERIES_INTERVALS and (period := np.median(intervals)) > 0.0:
@@ -132,17 +133,17 @@ def gaps(recording: Recording) -> tuple[Gap, ...]:
             found.append(np.column_stack([mine[wide], mine[wide + 1]]))
     if not found:
         return ()
-    spans, counts = np.unique(np.concatenate(found), axis=0, return_counts=True)
-    every = [Gap(float(a), float(b), int(n)) for (a, b), n in zip(spans, counts, strict=True)]
+    silences, counts = np.unique(np.concatenate(found), axis=0, return_counts=True)
+    every = [Gap(float(a), float(b), int(n)) for (a, b), n in zip(silences, counts, strict=True)]
     return tuple(sorted(every, key=lambda gap: -gap.length_s))
 
 
-def _grouped(recording: Recording) -> tuple[NDArray[np.intp], list[int]]:
-    """Order the rows by series, then by time; also give the start of every series therein."""
+def _grouped(recording: Recording) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
+    """Order the rows by series, then by time; also give where every series starts and ends."""
     table = recording.table
     (op, ops), (register, registers) = texts(table, "op"), texts(table, "register")
     key = servo_ids(table).astype(np.int64) * len(registers) + register
     key = key * len(ops) + op
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order], prepend=-1)).tolist()
-    return order, starts
+    return order, list(pairwise([*starts, len(order)]))

@@ -17,7 +17,9 @@ KEY = b"busemu-recording"
 def load(path: Path) -> tuple[pa.Table, bytes]:
     """Read a file: the table, the metadata as TOML text. Raises :class:`RecordingError`."""
     try:
-        with pq.ParquetFile(path, read_dictionary=["op", "register"]) as file:
+        names = pq.read_schema(path).names
+        encoded = [name for name in ("op", "register") if name in names]
+        with pq.ParquetFile(path, read_dictionary=encoded) as file:
             table = file.read()
     except pa.ArrowInvalid as error:
         raise RecordingError(path, f"not a complete Parquet file: {error}") from None

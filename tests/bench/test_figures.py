@@ -188,16 +188,16 @@ def test_every_figure_becomes_a_file(tmp_path, suffix):
 
 
 def frames(count=10):
-    return [np.full((20, 30, 3), (10 * i, 100, 0), dtype=np.uint8) for i in range(count)]
+    return [np.full((20, 30, 3), (8 * i, 100, 0), dtype=np.uint8) for i in range(count)]
 
 
 def test_a_film_strip_spreads_its_stills_from_first_to_last():
     strip = film_strip(frames(), [0.1 * i for i in range(10)], count=4)
     assert strip.size[0] == 4 * 30 + 3 * 4
     found = [strip.getpixel((place * 34 + 15, 10))[0] for place in range(4)]
-    assert found == [0, 30, 60, 90]
+    assert found == [0, 24, 48, 72]
     folded = film_strip(frames(), range(10), count=4, columns=2)
-    assert folded.getpixel((15, folded.size[1] // 2 + 10))[0] == 60
+    assert folded.getpixel((15, folded.size[1] // 2 + 10))[0] == 48
 
 
 def test_a_gif_shows_every_frame_and_keeps_the_length(tmp_path):
@@ -210,7 +210,7 @@ def test_a_gif_shows_every_frame_and_keeps_the_length(tmp_path):
             shown.append(film.convert("RGB").getpixel((15, 10))[0])
         assert film.info["loop"] == 0
     assert total_ms == 1000
-    np.testing.assert_allclose(shown, [(10 * i) % 256 for i in range(30)], atol=12)
+    np.testing.assert_allclose(shown, [8 * i for i in range(30)], atol=4)
 
 
 def test_frames_that_do_not_fit_together_are_refused(tmp_path):
@@ -221,7 +221,7 @@ def test_frames_that_do_not_fit_together_are_refused(tmp_path):
         film_strip([], [])
     with pytest.raises(ValueError, match="2 frames, but 1 times"):
         film_strip(frames(2), [0.0])
-    with pytest.raises(ValueError, match="at least 0.02"):
+    with pytest.raises(ValueError, match=r"at least 0\.02"):
         write_gif(frames(2), tmp_path / "film.gif", frame_s=0.01)
     with pytest.raises(ValueError, match="array of uint8"):
         film_strip([np.zeros((5, 5, 3))], [0.0])
