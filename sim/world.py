@@ -123,6 +123,10 @@ class World:
         pybullet.setJointMotorControlArray(
             self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torque_nm, **self._on
         )
+        self.step_bare()
+
+    def step_bare(self) -> None:
+        """One step of the engine and nothing else: the floor of what a step can cost."""
         pybullet.stepSimulation(**self._on)
 
     def base(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
