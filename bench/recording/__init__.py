@@ -1,12 +1,13 @@
 """Recordings: decoded bus logs, the one format in which all tools here exchange measurements."""
 
+from .accesses import Access
 from .describe import describe
 from .errors import RecordingError
 from .files import check_path, read, write
 from .joints import JointTrack, joint_track, joint_tracks
 from .oddities import Gap, Oddities, gaps, oddities
 from .recorder import Recorder
-from .recording import Access, Recording, Series
+from .recording import Recording, Series
 
 __all__ = [
     "Access",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -13,35 +13,13 @@ from numpy.typing import NDArray
 
 from busemu.tables import ControlTable, Register, Robot
 
+from .accesses import Access, AccessRows
 from .columns import canonical, numbers, servo_ids, texts
 from .errors import RecordingError
-from .metadata import check_metadata, known_robot, known_tables, plain
+from .metadata import FORMAT, check_metadata, known_robot, known_tables, plain
 from .rules import check_rows
 
 Floats = NDArray[np.float64]
-
-
-class Access(Protocol):
-    """One access of one register of one servo: a row of the event table.
-
-    ``t_s``: when the last byte of the instruction packet left the host [s]. ``t_reply_s``: when the
-    last byte of the status packet with this value reached it [s], NaN if none did. ``op``:
-    ``"read"`` or ``"write"``. ``raw``: the unsigned value on the wire, NaN if no answer came. An
-    access may also have ``t_latch_s``: when the servo took or sampled the value [s].
-    """
-
-    @property
-    def t_s(self) -> float: ...  # noqa: D102
-    @property
-    def t_reply_s(self) -> float: ...  # noqa: D102
-    @property
-    def servo_id(self) -> int: ...  # noqa: D102
-    @property
-    def op(self) -> str: ...  # noqa: D102
-    @property
-    def register(self) -> str: ...  # noqa: D102
-    @property
-    def raw(self) -> float: ...  # noqa: D102
 
 
 class Series(NamedTuple):
@@ -89,14 +67,14 @@ class Recording:
         return cls(table, document, path, robot, models)
 
     @classmethod
-    def of(cls, accesses: Iterable[Access], metadata: Mapping[str, Any]) -> Recording:
+    def of(cls, accesses: Iterable[Access] | AccessRows, metadata: Mapping[str, Any]) -> Recording:
         """Make a recording of accesses in any order; adds ``format`` to ``metadata`` if missing."""
-        from .recorder import Recorder  # noqa: PLC0415 - a recorder ends by making a recording
-
-        recorder = Recorder()
-        for access in accesses:
-            recorder(access)
-        return recorder.recording(metadata)
+        if not isinstance(accesses, AccessRows):
+            rows = AccessRows()
+            for access in accesses:
+                rows(access)
+            accesses = rows
+        return cls.checked(accesses.table(), {"format": FORMAT, **metadata})
 
     def __len__(self) -> int:
         """Rows of the event table."""

@@ -193,6 +193,13 @@ def test_the_servo_table_names_the_model_before_the_robots_file_does():
         )
 
 
+def test_a_model_without_a_table_is_not_taken_for_the_robots():
+    taken = Recording.checked(
+        table(**FOREIGN | {"servo_id": [1, 1, 1]}), MARVIN | {"servo": {"1": {"model": "MX-9"}}}
+    )
+    assert 1 not in taken.models
+
+
 def test_a_robot_file_is_found_beside_the_recording(tmp_path):
     (tmp_path / "rig.toml").write_text(
         'format = "busemu-robot/1"\n[bus]\nprotocol = 2.0\nbaud_rate = 1000000\n'
@@ -209,6 +216,13 @@ def test_a_robot_file_is_found_beside_the_recording(tmp_path):
 def test_lost_replies_are_no_reason_to_refuse():
     taken = Recording.checked(table(raw=[1.0, nan, nan], t_reply_s=[nan, nan, nan]), MARVIN)
     assert len(taken) == 3
+
+
+def test_a_servo_with_id_0_shares_it_with_the_namespaces():
+    columns = {"servo_id": [0, 0, 0], "register": ["goal_position", "imu/roll_rad", "goal"]}
+    metadata = {"format": FORMAT, "servo": {"0": {"model": "XL-320"}}}
+    with pytest.raises(RecordingError, match="row 3: unknown register: servo 0 is XL-320"):
+        Recording.checked(table(raw=[1.0, -0.5, 1.0], **columns), metadata)
 
 
 def test_equal_times_are_in_order():

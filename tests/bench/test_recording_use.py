@@ -181,3 +181,25 @@ def test_a_recording_knows_its_servos_registers_and_span():
     assert taken.registers == ("goal_position", "present_position")
     assert taken.duration_s == pytest.approx(0.2)
     assert taken.name == "sample"
+
+
+def test_an_access_that_is_interrupted_is_kept_whole_or_not_at_all():
+    """Ctrl-C may come while a row is being added; the rows after it must stay in step."""
+
+    class Interrupted:
+        t_s, t_reply_s, servo_id, op, register = 1.0, nan, 2, "write", "torque_enable"
+
+        @property
+        def raw(self):
+            raise KeyboardInterrupt
+
+    recorder = Recorder()
+    recorder(write_row(0.0, 1, 511))
+    with pytest.raises(KeyboardInterrupt):
+        recorder(Interrupted())
+    recorder(write_row(2.0, 3, 513))
+    found = recorder.recording(MARVIN).table.select(["t_s", "servo_id", "register", "raw"])
+    assert [tuple(row.values()) for row in found.to_pylist()] == [
+        (0.0, 1, "goal_position", 511.0),
+        (2.0, 3, "goal_position", 513.0),
+    ]
