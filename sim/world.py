@@ -14,15 +14,18 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pybullet
 
 from busemu.tables import Robot
 
 from .drive.kernel import Array
+from .quiet import quiet_stderr
 from .robot import PhysicalRobot, read_physics
 from .stability import require_stable
 from .stepped import TICK_S, SteppedPlant
 from .urdf import urdf
+
+with quiet_stderr():  # it announces its build time
+    import pybullet
 
 GRAVITY_M_S2 = 9.81
 STEPS_PER_TICK = 1  #: steps of 1 ms: see BulletPlant

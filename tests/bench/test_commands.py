@@ -1,0 +1,53 @@
+"""The bench's commands, as a person types them."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from bench.recording import read
+
+
+def busemu(*words, timeout=120):
+    command = [sys.executable, "-m", "busemu", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+
+
+def test_the_command_is_installed():
+    assert shutil.which("busemu", path=sys.prefix + "/bin")
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "csv"])
+def test_a_virtual_walk_writes_a_recording_that_reads_back(tmp_path, suffix):
+    path = tmp_path / f"walk.{suffix}"
+    words = ["--robot", "marvin", "--virtual", "--plant", "ideal", "--seconds", 1]
+    done = busemu("walk", *words, "--record", path)
+    assert done.returncode == 0, done.stderr
+    assert "50 cycles in 1.00 s" in done.stdout
+    recording = read(path)
+    assert recording.servo_ids == tuple(range(1, 19))
+    assert recording.metadata["source"] == "emulator"
+    assert len(recording.series(1, "present_position", "read").value) >= 50
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["walk", "--robot", "marvin", "--port", "/dev/nowhere"], "/dev/nowhere"),
+        (["walk", "--robot", "marvin"], "--virtual"),
+        (["walk", "--robot", "nobody", "--virtual"], "marvin, phantomx"),
+        (["walk", "--robot", "marvin", "--virtual", "--plant", "clay"], "bullet, ideal"),
+        (["walk", "--robot", "marvin", "--virtual", "--seconds", "0"], "--seconds"),
+        (["walk", "--robot", "marvin", "--virtual", "--v-left", "40"], "reach"),
+        (["walk", "--robot", "marvin", "--virtual", "--record", "walk.txt"], "parquet"),
+        (["demo", "--robot", "nobody"], "marvin, phantomx"),
+    ],
+)
+def test_bad_words_get_one_clear_line_and_a_failure(words, says):
+    done = busemu(*words)
+    lines = done.stderr.strip().splitlines()
+    assert done.returncode == 1
+    assert len(lines) == 1
+    assert lines[0].startswith("busemu: ")
+    assert says in lines[0]
