@@ -28,7 +28,8 @@ def describe(recording: Recording) -> str:
     ]
     if condition := facts.get("condition"):
         lines.append("condition: " + ", ".join(f"{k} = {v}" for k, v in condition.items()))
-    lines += [_servos(recording), "", _rates(counted(recording)), "", *_odd(odd, recording)]
+    series = counted(recording)
+    lines += [_servos(recording), "", _rates(series), "", *_odd(odd, series, recording)]
     return "\n".join(lines)
 
 
@@ -67,8 +68,8 @@ def _rates(series: tuple[SeriesCount, ...]) -> str:
     return aligned(("register", "", "servos", "rows", "rate [Hz]", "lost"), rows)
 
 
-def _odd(odd: Oddities, recording: Recording) -> list[str]:
-    reads = sum(s.rows for s in counted(recording) if s.op == "read" and "/" not in s.register)
+def _odd(odd: Oddities, series: tuple[SeriesCount, ...], recording: Recording) -> list[str]:
+    reads = sum(s.rows for s in series if s.op == "read" and "/" not in s.register)
     share = f" of {reads} ({odd.lost_replies / reads:.2%})" if reads else ""
     lines = [f"lost replies: {odd.lost_replies}{share}", f"gaps: {len(odd.gaps)}"]
     start_s = recording.t_s[0] if len(recording) else 0.0

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .columns import numbers, servo_ids, texts
+from busemu.tables import Register
+
+from .columns import numbers
 from .recording import Recording
-from .rules import READ, WRITE
+from .rules import WRITE
 
 #: a series has a rate if it has this many intervals; fewer tell no gap from a pause
 SERIES_INTERVALS = 10
@@ -62,23 +63,18 @@ class Oddities:
 
 def counted(recording: Recording) -> tuple[SeriesCount, ...]:
     """Count every series of a recording; sorted by register, operation, servo."""
-    table = recording.table
-    order, spans = _grouped(recording)
-    times, raw = numbers(table, "t_s")[order], numbers(table, "raw")[order]
-    servo, (op, ops) = servo_ids(table)[order], texts(table, "op")
-    register, registers = texts(table, "register")
+    times, raw = recording.t_s, numbers(recording.table, "raw")
     found = []
-    for start, end in spans:
-        row = order[start]
-        gaps = np.diff(times[start:end])
+    for (servo_id, register, op), rows in recording.by_series.items():
+        intervals = np.diff(times[rows])
         found.append(
             SeriesCount(
-                servo_id=int(servo[start]),
-                register=registers[int(register[row])],
-                op=ops[int(op[row])],
-                rows=int(end - start),
-                lost=int(np.isnan(raw[start:end]).sum()),
-                period_s=float(np.median(gaps)) if gaps.size else float("nan"),
+                servo_id=servo_id,
+                register=register,
+                op=op,
+                rows=len(rows),
+                lost=int(np.isnan(raw[rows]).sum()),
+                period_s=float(np.median(intervals)) if intervals.size else float("nan"),
             )
         )
     return tuple(sorted(found, key=lambda s: (s.register, s.op, s.servo_id)))
@@ -86,33 +82,28 @@ def counted(recording: Recording) -> tuple[SeriesCount, ...]:
 
 def oddities(recording: Recording) -> Oddities:
     """Count what a recording was accepted with."""
-    table = recording.table
-    raw, servo = numbers(table, "raw"), servo_ids(table)
-    (op, ops), (register, registers) = texts(table, "op"), texts(table, "register")
-    bus = recording.on_bus
-    read, write = (np.isin(op, [i for i, o in enumerate(ops) if o == o_]) for o_ in (READ, WRITE))
-    outside = read_only = 0
-    unchecked = bus.copy()
-    for servo_id, model in recording.models.items():
-        mine = bus & (servo == servo_id)
-        unchecked &= ~mine
-        for code, name in enumerate(registers):
-            if name not in model or not (rows := mine & (register == code)).any():
-                continue
-            if not model[name].writable:
-                read_only += int((rows & write).sum())
-            values, counts = np.unique(raw[rows & ~np.isnan(raw)], return_counts=True)
-            described = model[name]
-            for value, count in zip(values, counts, strict=True):
-                if not described.minimum <= described.decode(int(value)) <= described.maximum:
-                    outside += int(count)
+    raw = numbers(recording.table, "raw")
+    lost = outside = read_only = unchecked = 0
+    for (servo_id, name, op), rows in recording.by_series.items():
+        if "/" in name:
+            continue
+        values = raw[rows]
+        there = ~np.isnan(values)
+        lost += int((~there).sum())
+        model = recording.models.get(servo_id)
+        if model is None:
+            unchecked += len(rows)
+            continue
+        outside += _out_of_range(values[there], model[name])
+        if op == WRITE and not model[name].writable:
+            read_only += len(rows)
     return Oddities(
-        lost_replies=int((np.isnan(raw) & read & bus).sum()),
+        lost_replies=lost,
         gaps=gaps(recording),
         out_of_range=outside,
         read_only_written=read_only,
-        reply_before_instruction=int((numbers(table, "t_reply_s") < recording.t_s).sum()),
-        unchecked=int(unchecked.sum()),
+        reply_before_instruction=int((numbers(recording.table, "t_reply_s") < recording.t_s).sum()),
+        unchecked=unchecked,
     )
 
 
@@ -122,11 +113,10 @@ def gaps(recording: Recording) -> tuple[Gap, ...]:
     Series of fewer than ten intervals have no rate and no gaps. A lost reply is no gap: the access
     was made.
     """
-    order, spans = _grouped(recording)
-    times = recording.t_s[order]
+    times = recording.t_s
     found: list[NDArray[np.float64]] = []
-    for start, end in spans:
-        mine = times[start:end]
+    for rows in recording.by_series.values():
+        mine = times[rows]
         intervals = np.diff(mine)
         if intervals.size >= SERIES_INTERVALS and (period := np.median(intervals)) > 0.0:
             wide = np.flatnonzero(intervals > GAP_RATIO * period)
@@ -138,12 +128,11 @@ def gaps(recording: Recording) -> tuple[Gap, ...]:
     return tuple(sorted(every, key=lambda gap: -gap.length_s))
 
 
-def _grouped(recording: Recording) -> tuple[NDArray[np.intp], list[tuple[int, int]]]:
-    """Order the rows by series, then by time; also give where every series starts and ends."""
-    table = recording.table
-    (op, ops), (register, registers) = texts(table, "op"), texts(table, "register")
-    key = servo_ids(table).astype(np.int64) * len(registers) + register
-    key = key * len(ops) + op
-    order = np.argsort(key, kind="stable")
-    starts = np.flatnonzero(np.diff(key[order], prepend=-1)).tolist()
-    return order, list(pairwise([*starts, len(order)]))
+def _out_of_range(raw: NDArray[np.float64], register: Register) -> int:
+    """Count values that the table does not allow, though the bytes could hold them."""
+    values, counts = np.unique(raw, return_counts=True)
+    return sum(
+        int(count)
+        for value, count in zip(values, counts, strict=True)
+        if not register.minimum <= register.decode(int(value)) <= register.maximum
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,9 +18,11 @@ from .accesses import Access, AccessRows
 from .columns import canonical, numbers, servo_ids, texts
 from .errors import RecordingError
 from .metadata import FORMAT, check_metadata, known_robot, known_tables, plain
-from .rules import check_rows
+from .rules import READ, WRITE, check_rows
 
 Floats = NDArray[np.float64]
+#: servo ID, register, operation
+SeriesKey = tuple[int, str, str]
 
 
 class Series(NamedTuple):
@@ -99,29 +102,39 @@ class Recording:
     @property
     def servo_ids(self) -> tuple[int, ...]:
         """IDs of the servos on the bus, ascending; namespaced registers belong to none."""
-        return tuple(np.unique(servo_ids(self.table)[self.on_bus]).tolist())
+        return tuple(sorted({servo for servo, name, _ in self.by_series if "/" not in name}))
 
     @property
     def registers(self) -> tuple[str, ...]:
         """Names of all registers, those under a namespace too, sorted."""
-        return tuple(sorted(texts(self.table, "register")[1]))
+        return tuple(sorted({name for _, name, _ in self.by_series}))
 
-    @property
-    def on_bus(self) -> NDArray[np.bool_]:
-        """Which rows are accesses of a servo (not values under a namespace), shape (rows,)."""
-        codes, names = texts(self.table, "register")
-        return np.isin(codes, [i for i, name in enumerate(names) if "/" not in name])
+    @cached_property
+    def by_series(self) -> Mapping[SeriesKey, NDArray[np.intp]]:
+        """Rows (from 0, ascending) of every series: (servo ID, register, operation)."""
+        (op, ops), (register, registers) = texts(self.table, "op"), texts(self.table, "register")
+        servo = servo_ids(self.table)
+        key = servo.astype(np.int32) * (len(registers) * len(ops)) + register * len(ops) + op
+        counts = np.bincount(key)
+        used = np.flatnonzero(counts)
+        number = np.zeros(len(counts), dtype=np.uint16 if len(used) < 1 << 16 else np.int32)
+        number[used] = np.arange(len(used))
+        order = np.argsort(number[key], kind="stable")
+        found: dict[SeriesKey, NDArray[np.intp]] = {}
+        for rows in np.split(order, np.cumsum(counts[used])[:-1]) if len(used) else ():
+            first = int(rows[0])
+            name, access = registers[int(register[first])], ops[int(op[first])]
+            found[int(servo[first]), name, access] = rows
+        return found
 
     def rows(self, servo_id: int, register: str, op: str | None = None) -> NDArray[np.intp]:
         """Find the rows (from 0) of one register: all, or only its ``"read"`` or ``"write"``."""
-        codes, names = texts(self.table, "register")
-        if register not in names:
+        wanted = (READ, WRITE) if op is None else (op,)
+        keys = [(servo_id, register, access) for access in wanted]
+        found = [self.by_series[key] for key in keys if key in self.by_series]
+        if not found:
             return np.empty(0, dtype=np.intp)
-        mask = (codes == names.index(register)) & (servo_ids(self.table) == servo_id)
-        if op is not None:
-            codes, ops = texts(self.table, "op")
-            mask &= codes == ops.index(op) if op in ops else False
-        return np.flatnonzero(mask)
+        return found[0] if len(found) == 1 else np.sort(np.concatenate(found))
 
     def series(self, servo_id: int, register: str, op: str | None = None) -> Series:
         """Give raw values of one register over time; lost replies are left out."""

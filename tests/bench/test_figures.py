@@ -90,7 +90,7 @@ def test_a_gait_figure_has_a_black_bar_a_span_in_the_row_of_its_leg():
     stances = {f"leg{n}": np.array([[0.1 * n, 0.1 * n + 0.5]]) for n in range(1, 7)}
     axes = gait.gait_figure(stances, window_s=(0.2, 2.0)).axes[0]
     names = [text.get_text() for text in axes.get_yticklabels()]
-    assert names[0] == "left front (leg1)"
+    assert names[:3] == ["left front (leg1)", "left middle (leg5)", "left rear (leg3)"]
     assert names[3:] == ["right front (leg2)", "right middle (leg6)", "right rear (leg4)"]
     bars = [bar.get_paths()[0].get_extents() for bar in axes.collections]
     np.testing.assert_allclose([b.x0 for b in bars], [0.2, 0.5, 0.3, 0.2, 0.6, 0.4])

@@ -66,11 +66,33 @@ def test_a_series_leaves_lost_replies_out():
     assert len(taken.series(3, "present_load").value) == 0
 
 
+def test_a_register_that_is_read_and_written_is_one_series_in_the_order_of_time():
+    taken = Recording.of(
+        [
+            write_row(0.1, 3, 1),
+            read_row(0.2, 3, 2, "goal_position"),
+            write_row(0.3, 3, 3),
+            write_row(0.3, 4, 9),
+        ],
+        MARVIN,
+    )
+    assert taken.series(3, "goal_position").value.tolist() == [1.0, 2.0, 3.0]
+    assert taken.series(3, "goal_position", "write").value.tolist() == [1.0, 3.0]
+
+
 def test_si_follows_the_control_table():
     taken = Recording.of(
-        [read_row(0.1, 3, 512 + 256), read_row(0.2, 3, 1024 + 100, "present_speed")], MARVIN
+        [
+            read_row(0.1, 3, 512 + 256),
+            read_row(0.2, 3, 1024 + 100, "present_speed"),
+            read_row(0.3, 3, 512 - 256),
+            read_row(0.4, 3, 512 + 256),
+        ],
+        MARVIN,
     )
-    assert taken.si(3, "present_position").value == pytest.approx([256 * 300 / 1024 * pi / 180])
+    quarter_rad = 256 * 300 / 1024 * pi / 180
+    positions = taken.si(3, "present_position").value
+    assert positions == pytest.approx([quarter_rad, -quarter_rad, quarter_rad])
     assert taken.si(3, "present_speed").value == pytest.approx([-100 * 0.111 * pi / 30])
     with pytest.raises(RecordingError, match="the model of servo 99 is not known: name it"):
         taken.si(99, "present_position")
@@ -144,7 +166,7 @@ def test_a_gap_is_an_interval_far_over_the_series_own_rhythm():
 def test_a_lost_reply_and_a_slow_series_are_no_gaps():
     taken = rows(cycles=40)
     taken[10] = read_row(taken[10].t_s, taken[10].servo_id, nan)
-    taken += [write_row(t_s, 1, 1, "torque_enable") for t_s in (9.0, 10.0, 15.0)]
+    taken += [write_row(t_s, 1, 1, "torque_enable") for t_s in (9.0, 10.0, 11.0, 30.0)]
     assert gaps(Recording.of(taken, MARVIN)) == ()
 
 
