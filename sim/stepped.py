@@ -145,8 +145,8 @@ class SteppedPlant:
         """What an outside observer sees at the end of the step that contains the instant.
 
         ``mocap/base_{x,y,z}_m`` and ``mocap/base_{roll,pitch,yaw}_rad`` of the trunk frame,
-        ``contact/<leg>_n`` and ``contact/trunk_n`` from the ground, ``contact/self_n`` between the
-        robot's own links; ``rig/<joint>_rad`` and ``rig/<joint>_nm`` in the joint's frame.
+        ``contact/<leg>_n`` from the ground on a leg's tibia and foot, ``contact/trunk_n`` on all
+        the rest of the robot, ``contact/self_n`` between its own links (normal forces summed); ``rig/<joint>_rad`` and ``rig/<joint>_nm`` in the joint's frame.
         """
         seen = self._engine.observe()
         for name, angle, torque in zip(

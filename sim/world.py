@@ -30,6 +30,7 @@ with quiet_stderr():  # it announces its build time
 GRAVITY_M_S2 = 9.81
 STEPS_PER_TICK = 1  #: steps of 1 ms: see BulletPlant
 SUBSTEPS = 10  #: of the rotors within a step
+LEVEL = (0.0, 0.0, 0.0, 1.0)
 HELD_HEIGHT_M = 0.5  #: of a trunk held in the air, so that no leg can reach the ground
 
 
@@ -95,11 +96,12 @@ class World:
         )
         local = pybullet.getDynamicsInfo(self._body, -1, **self._on)
         self._to_frame = pybullet.invertTransform(local[3], local[4])
+        self._tip_m = (robot.links["tibia"].length_m, 0.0, 0.0)
         self._from_frame = (local[3], local[4])
         self._order = {joint.name: i for i, joint in enumerate(robot.joints)}
         rest = robot.posture(robot.rest_rad)
         height = HELD_HEIGHT_M if held else robot.height_m(robot.rest_rad)
-        self.place((0.0, 0.0, height), (0.0, 0.0, 0.0, 1.0), rest)
+        self.place((0.0, 0.0, height), LEVEL, rest)
 
     def place(
         self,
@@ -138,8 +140,18 @@ class World:
         position, orientation = pybullet.multiplyTransforms(*centre, *self._to_frame)
         return position, orientation
 
+    def feet(self) -> dict[str, tuple[float, float, float]]:
+        """Centre of every foot in the world [m], by leg."""
+        where = {}
+        for link, leg in self._feet.items():
+            state = pybullet.getLinkState(
+                self._body, link, computeForwardKinematics=True, **self._on
+            )
+            where[leg] = pybullet.multiplyTransforms(state[4], state[5], self._tip_m, LEVEL)[0]
+        return where
+
     def observe(self) -> dict[str, float]:
-        """Pose of the trunk frame, ground forces by foot and on the trunk, own links' contacts.
+        """Pose of the trunk frame and normal forces: by foot, on the rest of the robot, on itself.
 
         Yaw is the heading about +z, pitch the nose-up angle about x (right), roll the angle about
         y (forward), positive with the right side down; all zero when level and facing +y.
@@ -160,7 +172,7 @@ class World:
                 own += force
             elif link in self._feet:
                 forces[self._feet[link]] += force
-            elif link == -1:
+            else:
                 trunk += force
         for leg, force in forces.items():
             seen[f"contact/{leg}_n"] = force
