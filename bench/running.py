@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from busemu.assemble import assemble
@@ -41,7 +42,7 @@ class Session:
     client: BusClient
     recorder: Recorder
     clock: Clock
-    source: str  #: of its recording: ``real`` for any port, ``emulator`` in process
+    source: str  #: of its recording: ``real`` or ``emulator``
     bus: Bus | None = None  #: the bus itself, where it is in this process
     observed: Recorder = field(default_factory=Recorder)
 
@@ -74,9 +75,14 @@ def on_port(robot: Robot, path: str) -> Iterator[Session]:
     port = open_port(path, robot.baud_rate)
     try:
         client = BusClient(port, robot.tables, robot.protocol, clock, recorder)
-        yield Session(robot, client, recorder, clock, "real")
+        yield Session(robot, client, recorder, clock, _source(path))
     finally:
         port.closePort()
+
+
+def _source(path: str) -> str:
+    """What to call a port in a recording: a pseudo-terminal is taken for an emulated bus."""
+    return "emulator" if Path(path).resolve().is_relative_to("/dev/pts") else "real"
 
 
 def in_process(
@@ -138,6 +144,3 @@ def describe(report: WalkReport) -> list[str]:
     if report.torque_left_on:
         lines.append(f"torque may still be on: {', '.join(report.torque_left_on)}; cut the supply")
     return lines
-
-
-Say = Callable[[str], None]
