@@ -79,7 +79,9 @@ class Bus:
         self._uplink = Uplink(profile)
         self._out_free_s = start_s  #: when the adapter can begin with the next packet
         self._last_byte_s = start_s  #: end of the last byte that a servo's receiver has seen
-        self._out_start_s = start_s  #: when the bytes last received begin on the wire
+        self._out_start_s = (
+            start_s  #: when the host's last unbroken run of bytes begins on the wire
+        )
         self._reply_s = (start_s, start_s)  #: when the last reply begins and ends on the wire
         self._heard = bytearray()  #: bytes of the host that are no whole packet yet
         self._heard_s = start_s  #: when the first of them began
@@ -95,7 +97,8 @@ class Bus:
         """Bytes that the program handed to the driver at ``now_s``."""
         byte_s = self.profile.byte_s(self.baud_rate)
         start_s = max(now_s, self._out_free_s) + self.profile.out_s()
-        self._out_start_s = start_s
+        if now_s > self._out_free_s:
+            self._out_start_s = start_s
         self._out_free_s = start_s + len(data) * byte_s
         if start_s - self._last_byte_s > INTERBYTE_TIMEOUT_S[self.protocol]:
             self._noise(self._framer.abort(), byte_s)
@@ -286,16 +289,18 @@ class Bus:
 
     def _carry(self, start_s: float, data: bytes, byte_s: float, collided: bool) -> None:
         """Bring a reply to the host, as far as the line and the adapter are free for it."""
-        free_s = self._reply_s[1]
+        end_s = start_s + len(data) * byte_s
+        free_s = start_s
+        if self._reply_s[0] < end_s:
+            free_s = self._reply_s[1]
         if self._out_start_s <= start_s:
             free_s = max(free_s, self._out_free_s)  # an adapter that sends does not listen
         lost = max(0, math.ceil((free_s - start_s) / byte_s - 1e-6)) if byte_s else 0
         collided = collided or lost > 0
         self.counts.errors += collided
-        end_s = start_s + len(data) * byte_s
         kind = WireEventKind.COLLISION if collided else WireEventKind.STATUS
         self._tell(kind, start_s, end_s, data)
-        self._reply_s = (start_s, max(self._reply_s[1], end_s))
+        self._reply_s = max(self._reply_s, (start_s, end_s))
         self._last_byte_s = max(self._last_byte_s, end_s)
         if data[lost:]:
             self._uplink.carry(data[lost:], start_s + lost * byte_s, byte_s)

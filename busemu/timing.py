@@ -162,7 +162,11 @@ class Uplink:
         self._ready: deque[tuple[float, bytes]] = deque()
 
     def carry(self, data: bytes, start_s: float, byte_s: float) -> None:
-        """Take bytes whose first one begins on the wire at ``start_s``; times must not go back."""
+        """Take bytes whose first one begins on the wire at ``start_s``.
+
+        Bytes that are on the wire before others already taken overtake them, unless there is a
+        latency timer, which knows one order only.
+        """
         profile = self._profile
         if profile.latency_timer_s == 0.0:
             self._hand_up(start_s + len(data) * byte_s, data)
@@ -184,7 +188,11 @@ class Uplink:
             self._held.clear()
 
     def _hand_up(self, at_s: float, data: bytes) -> None:
-        self._ready.append((at_s + self._profile.in_s(), data))
+        ready_s = at_s + self._profile.in_s()
+        index = len(self._ready)
+        while index and self._ready[index - 1][0] > ready_s:
+            index -= 1
+        self._ready.insert(index, (ready_s, data))
 
     def next_deadline_s(self) -> float | None:
         """When the host has the next bytes, as far as that is known now [s]."""

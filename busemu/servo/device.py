@@ -4,22 +4,30 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from ..plant import OperatingMode, Plant
+from ..plant import Plant
 from ..protocol import BROADCAST_ID, Instruction, StatusPacket
 from ..tables import ControlTable, ServoMount
+from .indirect import Indirect, Run
 from .memory import Memory
-from .registers import drive_command, operating_mode, show_load, show_state
+from .registers import behaviour
 from .shutdown import Protection
 from .status import Refusal, error_byte
 
 #: Time from a reboot until the servo listens again [s]. Assumed.
 REBOOT_S = 0.2
+#: Ticks come at sums of a period, which rounding leaves a little before or after their due time.
+TICK_ROUNDING_S = 1e-6
 
-#: Instructions that a servo takes when it alone is addressed, by protocol.
-INSTRUCTIONS = MappingProxyType(
+#: Instructions that a servo takes when it alone is addressed, if its model has them.
+SINGLE = frozenset(
     {
-        1.0: frozenset({1, 2, 3, 4, 5, 6}),
-        2.0: frozenset({1, 2, 3, 4, 5, 6, 8}),
+        Instruction.PING,
+        Instruction.READ,
+        Instruction.WRITE,
+        Instruction.REG_WRITE,
+        Instruction.ACTION,
+        Instruction.FACTORY_RESET,
+        Instruction.REBOOT,
     }
 )
 #: Instructions that bring data, which status return level 1 answers. Level 0 answers ping only.
@@ -42,14 +50,16 @@ class Servo:
     ) -> None:
         self.joint = mount.joint
         self.table = table
-        self.memory = Memory(table)
+        self.memory = Memory(table, mount.registers.get("firmware_version"))
         self.protection = Protection(table)
         self._plant = plant
         self._plant_id = mount.servo_id
         self._registered: tuple[int, bytes] | None = None
         self._deaf_until_s = 0.0
-        self._load_due_s = 0.0
-        self._load_refresh_s = float(table.drive["load_refresh_s"])
+        self._now_s: float | None = None  #: the latest instant it was told of
+        self._heard_s = 0.0  #: when it last had an instruction
+        self._indirect = Indirect(self.memory)
+        self._behaviour = behaviour(self.memory)
         self.memory["id"] = mount.servo_id
         self.memory["baud_rate"] = baud_rate_code(table, baud_rate)
         for name, raw in mount.registers.items():
@@ -62,11 +72,19 @@ class Servo:
         memory.reset(r for r in self.table.registers if r.area == "RAM")
         self.protection = Protection(self.table)
         self._registered = None
-        show_state(memory, self._plant.sample(self._plant_id))
-        memory["goal_position"] = memory["present_position"]
-        memory["torque_limit"] = memory["max_torque"]
+        self._behaviour.power_on(self._plant.sample(self._plant_id), self._now_s or 0.0)
         self._hear()
-        self._plant.command(self._plant_id, drive_command(memory))
+        self._command()
+
+    def _command(self) -> None:
+        self._plant.command(self._plant_id, self._behaviour.command())
+
+    def _note(self, now_s: float) -> None:
+        """Take the bus's time; the first time it is told, the servo has just got power."""
+        if self._now_s is None:
+            self._now_s = self._heard_s = now_s
+            self._behaviour.power_on(self._plant.sample(self._plant_id), now_s)
+        self._now_s = max(self._now_s, now_s)
 
     def _hear(self) -> None:
         """Note the ID and baud rate [bit/s] that the registers stand for; every packet asks."""
@@ -80,8 +98,21 @@ class Servo:
         return self.memory.si("return_delay_time")
 
     def listens(self, now_s: float) -> bool:
-        """Whether it takes packets in: not so while it reboots."""
+        """Whether it takes packets in: not so while it reboots.
+
+        The bus asks this before it hands over anything at ``now_s``, which is also how
+        :meth:`read` and :meth:`write` know what time it is.
+        """
+        self._note(now_s)
         return now_s >= self._deaf_until_s
+
+    def supports(self, instruction: int) -> bool:
+        """Whether its model, at its firmware, has an instruction."""
+        try:
+            name = Instruction(instruction).name.lower()
+        except ValueError:
+            return False
+        return self.table.supports(name, self.memory["firmware_version"])
 
     def answers(self, instruction: int) -> bool:
         """Whether its status return level has it answer an instruction to it alone."""
@@ -104,13 +135,15 @@ class Servo:
 
         Returns the status packet, or ``None`` where the servo stays silent.
         """
+        self._note(now_s)
+        self._heard_s = now_s
         silent = servo_id == BROADCAST_ID or not self.answers(instruction)
         own_id = self.servo_id
         refusal: Refusal | None = None
         data = b""
         two = self.table.protocol == 2.0
         width = 2 if two else 1
-        if instruction not in INSTRUCTIONS[self.table.protocol]:
+        if instruction not in SINGLE or not self.supports(instruction):
             refusal = Refusal.INSTRUCTION
         elif instruction == Instruction.PING:
             data = self.identity()
@@ -154,52 +187,65 @@ class Servo:
         """Read registers as they are at this instant."""
         if not self.memory.covers(address, length):
             return Refusal.ACCESS, b""
-        show_state(self.memory, self._plant.sample(self._plant_id))
-        return None, self.memory.read(address, length)
+        self._heard_s = self._now_s or 0.0
+        self._behaviour.show(self._plant.sample(self._plant_id), self._heard_s)
+        return None, self._indirect.read(address, length)
 
     def write(self, address: int, data: bytes) -> Refusal | None:
         """Write registers; a refused write changes nothing."""
-        refusal = self._check(address, data)
+        self._heard_s = self._now_s or 0.0
+        runs = self._runs(address, data)
+        refusal = self._check(runs)
         if refusal is None:
-            self._store(address, data)
+            self._store(runs)
         return refusal
 
-    def _check(self, address: int, data: bytes) -> Refusal | None:
-        memory = self.memory
-        refusal = memory.check(address, data)
-        if refusal is not None:
-            return refusal
-        lock = str(self.table.drive["eeprom_locked_by"])
-        for register in memory.registers(address, len(data)):
-            if memory[lock] and (register.area == "EEPROM" or register.name == lock == "lock"):
-                return Refusal.ACCESS
-            after = memory.after(register, address, data)
-            if register.name == "goal_position" and not self._within_limits(after):
-                return Refusal.LIMIT
-            if register.name == "torque_enable" and after and self._is_shut_down():
-                return Refusal.RESULT
-        return None
+    def _runs(self, address: int, data: bytes) -> list[Run]:
+        """Where the bytes of a write go; they go nowhere else if the addresses do not exist."""
+        if not self.memory.covers(address, len(data)):
+            return [(address, data)]
+        return self._indirect.runs(address, data)
 
-    def _within_limits(self, goal: int) -> bool:
-        if operating_mode(self.memory) is OperatingMode.VELOCITY:
-            return True
-        return self.memory["cw_angle_limit"] <= goal <= self.memory["ccw_angle_limit"]
+    def _check(self, runs: list[Run]) -> Refusal | None:
+        memory = self.memory
+        lock = str(self.table.drive["eeprom_locked_by"])
+        for address, data in runs:
+            refusal = memory.check(address, data)
+            if refusal is not None:
+                return refusal
+            for register in memory.registers(address, len(data)):
+                if memory[lock] and (register.area == "EEPROM" or register.name == lock == "lock"):
+                    return Refusal.ACCESS
+                after = memory.after(register, address, data)
+                refusal = self._behaviour.refuse(register, after)
+                if refusal is not None:
+                    return refusal
+                if register.name == "torque_enable" and after and self._is_shut_down():
+                    return Refusal.RESULT
+        return None
 
     def _is_shut_down(self) -> bool:
         """Whether an alarm shutdown holds until a reboot (models that cut ``torque_enable``)."""
         cut = self.table.drive["shutdown_cuts"] == "torque_enable"
         return cut and bool(self.protection.coded() & self.memory["shutdown"])
 
-    def _store(self, address: int, data: bytes) -> None:
-        self.memory.store(address, data)
-        touched = {register.name for register in self.memory.registers(address, len(data))}
-        if "torque_limit" in touched and self.memory["torque_limit"]:
+    def _store(self, runs: list[Run]) -> None:
+        memory = self.memory
+        touched = set[str]()
+        for address, data in runs:
+            memory.store(address, data)
+            touched |= {register.name for register in memory.registers(address, len(data))}
+        if "torque_limit" in touched and memory["torque_limit"]:
             self.protection.clear()
+        state = self._plant.sample(self._plant_id)
+        self._behaviour.written(touched, state, self._now_s or 0.0)
+        if self._is_shut_down():
+            memory["torque_enable"] = 0
         self._hear()
-        self._plant.command(self._plant_id, drive_command(self.memory))
+        self._command()
 
     def _register(self, address: int, data: bytes) -> Refusal | None:
-        refusal = self._check(address, data)
+        refusal = self._check(self._runs(address, data))
         if refusal is None:
             self._registered = (address, data)
             self._show_registered()
@@ -214,9 +260,8 @@ class Servo:
         return self.write(address, data)
 
     def _show_registered(self) -> None:
-        for name in ("registered_instruction", "registered"):
-            if name in self.table:
-                self.memory[name] = int(self._registered is not None)
+        if self.memory.has("registered_instruction"):
+            self.memory["registered_instruction"] = int(self._registered is not None)
 
     def _factory_reset(self, parameters: bytes, *, everyone: bool) -> Refusal | None:
         keeps = frozenset[str]()
@@ -241,17 +286,18 @@ class Servo:
     # -- what goes on without any instruction --------------------------------------------------
 
     def tick(self, now_s: float) -> None:
-        """Housekeeping, every few milliseconds: protection, and the load register's slow refresh."""
+        """Housekeeping, every few milliseconds: protection, watchdog, slow registers."""
+        self._note(now_s)
         state = self._plant.sample(self._plant_id)
-        if now_s >= self._load_due_s:
-            show_load(self.memory, state)
-            self._load_due_s = now_s + self._load_refresh_s
+        changed = self._behaviour.idle(state, now_s, now_s - self._heard_s)
         if self.protection.watch(state, self.memory, now_s):
             cut = str(self.table.drive["shutdown_cuts"])
             if self.memory[cut]:
                 self.memory[cut] = 0
-                self._plant.command(self._plant_id, drive_command(self.memory))
-        if "hardware_error_status" in self.table:
+                changed = True
+        if changed:
+            self._command()
+        if self.memory.has("hardware_error_status"):
             self.memory["hardware_error_status"] = self.protection.coded()
 
 
