@@ -131,7 +131,7 @@ class IdealPlant:
     def advance(self, to_s: float) -> None:
         """Move every servo to ``to_s`` in closed form."""
         step_s = to_s - self._now_s
-        if step_s < 0.0:
+        if not step_s >= 0.0:
             raise ValueError(f"a plant cannot go back from {self._now_s} s to {to_s} s")
         if step_s > 0.0:
             for servo in self._servos.values():
@@ -140,23 +140,23 @@ class IdealPlant:
 
     def _move(self, servo: _Ideal, step_s: float) -> None:
         command = servo.command
-        before = servo.position_rad
         if not command.torque_enable or command.duty_limit == 0.0:
             servo.velocity_rad_s = 0.0
             return
         limit = min(command.velocity_limit_rad_s, self._no_load * command.duty_limit)
         if command.operating_mode is OperatingMode.POSITION:
-            servo.position_rad = _approach(
-                before, command.goal_position_rad, limit, self._lag_s, step_s
-            )
+            goal = command.goal_position_rad
+            servo.position_rad = _approach(servo.position_rad, goal, limit, self._lag_s, step_s)
+            wanted = (goal - servo.position_rad) / self._lag_s
+            servo.velocity_rad_s = max(-limit, min(limit, wanted))
         else:
             wanted = (
                 command.goal_velocity_rad_s
                 if command.operating_mode is OperatingMode.VELOCITY
                 else command.goal_duty * self._no_load
             )
-            servo.position_rad = before + max(-limit, min(limit, wanted)) * step_s
-        servo.velocity_rad_s = (servo.position_rad - before) / step_s
+            servo.velocity_rad_s = max(-limit, min(limit, wanted))
+            servo.position_rad += servo.velocity_rad_s * step_s
 
     def command(self, servo_id: int, command: DriveCommand) -> None:
         """Set what a drive shall do from now on."""

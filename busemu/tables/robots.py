@@ -108,12 +108,20 @@ def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:
     if document.get("format") != FORMAT:
         raise RobotError(f'{path}: needs the line format = "{FORMAT}" at its top')
     bus = document.get("bus", {})
+    if not isinstance(bus, Mapping):
+        raise RobotError(f"{path}: [bus] must be a table")
     for key in ("protocol", "baud_rate"):
         if key not in bus:
             raise RobotError(f"{path}: [bus] needs {key}")
     if bus["protocol"] not in (1.0, 2.0):
         raise RobotError(f"{path}: [bus] protocol must be 1.0 or 2.0, not {bus['protocol']}")
+    if type(bus["baud_rate"]) is not int or bus["baud_rate"] < 1:
+        raise RobotError(
+            f"{path}: [bus] baud_rate must be a whole number, not {bus['baud_rate']!r}"
+        )
     rows = document.get("servo", [])
+    if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
+        raise RobotError(f"{path}: servos are listed as [[servo]]")
     if not rows:
         raise RobotError(f"{path}: no [[servo]] is listed")
     servos = tuple(_mount(row, bus, path) for row in rows)
@@ -128,7 +136,7 @@ def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:
         name=str(document.get("name", path.stem)),
         path=path,
         protocol=float(bus["protocol"]),
-        baud_rate=int(bus["baud_rate"]),
+        baud_rate=bus["baud_rate"],
         timing=str(bus.get("timing", "ideal")),
         servos=servos,
         document=MappingProxyType(dict(document)),
@@ -144,7 +152,7 @@ def _mount(row: Mapping[str, Any], bus: Mapping[str, Any], path: Path) -> ServoM
         problem = problem or f"unknown key {', '.join(sorted(unknown))}"
         raise RobotError(f"{where}: {problem}")
     highest = 253 if bus["protocol"] == 1.0 else 252
-    if not isinstance(row["id"], int) or not 0 <= row["id"] <= highest:
+    if type(row["id"]) is not int or not 0 <= row["id"] <= highest:
         raise RobotError(f"{where}: an id is a whole number from 0 to {highest}")
     model = row.get("model", bus.get("servo_model"))
     if model is None:
@@ -159,9 +167,19 @@ def _mount(row: Mapping[str, Any], bus: Mapping[str, Any], path: Path) -> ServoM
         )
     if row.get("direction", 1) not in (1, -1):
         raise RobotError(f"{where}: direction must be 1 or -1")
-    for name in row.get("registers", {}):
+    if type(row.get("zero_rad", 0.0)) not in (int, float):
+        raise RobotError(f"{where}: zero_rad must be a number, not {row['zero_rad']!r}")
+    for name, raw in row.get("registers", {}).items():
         if name not in table:
             raise RobotError(f"{where}: {model} has no register {name!r}")
+        register = table[name]
+        if type(raw) is not int or not 0 <= raw <= register.raw_maximum:
+            raise RobotError(f"{where}: register {name} cannot hold {raw!r}")
+        if not register.minimum <= register.decode(raw) <= register.maximum:
+            raise RobotError(
+                f"{where}: register {name} = {raw} is outside "
+                f"{register.minimum} to {register.maximum}"
+            )
     return ServoMount(
         servo_id=row["id"],
         model=str(model),
