@@ -146,7 +146,8 @@ class SteppedPlant:
 
         ``mocap/base_{x,y,z}_m`` and ``mocap/base_{roll,pitch,yaw}_rad`` of the trunk frame,
         ``contact/<leg>_n`` from the ground on a leg's tibia and foot, ``contact/trunk_n`` on all
-        the rest of the robot, ``contact/self_n`` between its own links (normal forces summed); ``rig/<joint>_rad`` and ``rig/<joint>_nm`` in the joint's frame.
+        the rest of the robot, ``contact/self_n`` between its own links (normal forces summed);
+        ``rig/<joint>_rad`` and ``rig/<joint>_nm`` in the joint's frame.
         """
         seen = self._engine.observe()
         for name, angle, torque in zip(

@@ -11,9 +11,11 @@ import contextlib
 import math
 import tempfile
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from busemu.tables import Robot
 
@@ -27,11 +29,27 @@ from .urdf import urdf
 with quiet_stderr():  # it announces its build time
     import pybullet
 
+Pixels = NDArray[np.uint8]
+
 GRAVITY_M_S2 = 9.81
 STEPS_PER_TICK = 1  #: steps of 1 ms: see BulletPlant
 SUBSTEPS = 10  #: of the rotors within a step
 LEVEL = (0.0, 0.0, 0.0, 1.0)
+LIGHT = (0.6, -0.5, 1.6)  #: where the light of pictures comes from
+FLOOR_M = 0.6  #: half the side of the ground that pictures show
+FLOOR_DEPTH_M = 0.005
 HELD_HEIGHT_M = 0.5  #: of a trunk held in the air, so that no leg can reach the ground
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Where a picture is taken from (world frame) and its size; ``field_deg`` is up and down."""
+
+    eye_m: tuple[float, float, float]
+    target_m: tuple[float, float, float]
+    field_deg: float
+    width_px: int
+    height_px: int
 
 
 class World:
@@ -57,7 +75,14 @@ class World:
             fixedTimeStep=step_s, numSubSteps=0, deterministicOverlappingPairs=1, **self._on
         )
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, **self._on)
-        self._ground = pybullet.createMultiBody(0.0, plane, **self._on)
+        floor = pybullet.createVisualShape(
+            pybullet.GEOM_BOX,
+            halfExtents=[FLOOR_M, FLOOR_M, FLOOR_DEPTH_M],
+            visualFramePosition=[0.0, 0.0, -FLOOR_DEPTH_M],
+            rgbaColor=[1.0, 1.0, 1.0, 1.0],
+            **self._on,
+        )
+        self._ground = pybullet.createMultiBody(0.0, plane, floor, **self._on)
         pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=1.0, **self._on)
         with tempfile.TemporaryDirectory(prefix="busemu-") as folder:
             path = Path(folder) / "robot.urdf"
@@ -179,6 +204,33 @@ class World:
         seen["contact/trunk_n"] = trunk
         seen["contact/self_n"] = own
         return seen
+
+    def photograph(self, camera: Camera) -> tuple[Pixels, NDArray[np.bool_]]:
+        """What a camera sees: (height, width, 3) colours, and (height, width) where robot is.
+
+        Around the robot the ground is plain white, with its shadow; beyond it there is nothing.
+        """
+        below = [*camera.target_m[:2], 0.0]
+        pybullet.resetBasePositionAndOrientation(self._ground, below, LEVEL, **self._on)
+        width, height, pixels, _, body = pybullet.getCameraImage(
+            camera.width_px,
+            camera.height_px,
+            pybullet.computeViewMatrix(camera.eye_m, camera.target_m, [0.0, 0.0, 1.0]),
+            pybullet.computeProjectionMatrixFOV(
+                camera.field_deg, camera.width_px / camera.height_px, 0.02, 10.0
+            ),
+            lightDirection=LIGHT,
+            lightColor=[1.0, 1.0, 1.0],
+            lightDistance=1.0,
+            lightAmbientCoeff=0.55,
+            lightDiffuseCoeff=0.45,
+            lightSpecularCoeff=0.05,
+            shadow=1,
+            renderer=pybullet.ER_TINY_RENDERER,
+            **self._on,
+        )
+        colours = np.asarray(pixels, np.uint8).reshape(height, width, 4)[:, :, :3]
+        return colours, np.asarray(body).reshape(height, width) == self._body
 
     def inverse_mass(self) -> Array:
         """The joints' part of the inverse mass matrix [1/(kg m^2)] at the present posture."""

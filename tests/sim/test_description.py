@@ -17,7 +17,6 @@ from sim.stability import LARGEST
 from sim.urdf import urdf
 from sim.world import BulletPlant
 
-
 ASSUMED = "assumed"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -239,7 +240,7 @@ def test_friction_never_drives() -> None:
         bank.step(position, velocity)
         position = bank.states[kernel.ROTOR_POSITION].copy()
         speeds.append(float(bank.states[kernel.ROTOR_VELOCITY, 0]))
-    assert all(b <= a + 1e-12 for a, b in zip(speeds, speeds[1:], strict=False))
+    assert all(b <= a + 1e-12 for a, b in itertools.pairwise(speeds))
     assert speeds[-1] == pytest.approx(0.0, abs=1e-9)
 
 

@@ -75,7 +75,7 @@ def test_two_plants_in_one_process_do_not_touch_each_other(make: Make) -> None:
 
 @pytest.mark.parametrize(
     ("given_s", "acts_s"),
-    [(0.0, 0.001), (0.0104, 0.011), (0.010, 0.011), (0.010999, 0.011), (0.0, 0.001)],
+    [(0.0, 0.001), (0.0104, 0.011), (0.010, 0.011), (0.010999, 0.011)],
 )
 @pytest.mark.parametrize("steps_per_tick", [1, 2])
 def test_a_command_acts_from_the_next_tick(
