@@ -15,8 +15,6 @@ from .status import Refusal, error_byte
 
 #: Time from a reboot until the servo listens again [s]. Assumed.
 REBOOT_S = 0.2
-#: Ticks come at sums of a period, which rounding leaves a little before or after their due time.
-TICK_ROUNDING_S = 1e-6
 
 #: Instructions that a servo takes when it alone is addressed, if its model has them.
 SINGLE = frozenset(
@@ -139,42 +137,37 @@ class Servo:
         self._heard_s = now_s
         silent = servo_id == BROADCAST_ID or not self.answers(instruction)
         own_id = self.servo_id
-        refusal: Refusal | None = None
-        data = b""
-        two = self.table.protocol == 2.0
-        width = 2 if two else 1
-        if instruction not in SINGLE or not self.supports(instruction):
-            refusal = Refusal.INSTRUCTION
-        elif instruction == Instruction.PING:
-            data = self.identity()
-        elif instruction == Instruction.READ:
-            if len(parameters) != 2 * width:
-                refusal = Refusal.LENGTH
-            else:
-                address = int.from_bytes(parameters[:width], "little")
-                length = int.from_bytes(parameters[width:], "little")
-                refusal, data = self.read(address, length)
-        elif instruction in (Instruction.WRITE, Instruction.REG_WRITE):
-            if len(parameters) <= width:
-                refusal = Refusal.LENGTH
-            else:
-                address = int.from_bytes(parameters[:width], "little")
-                if instruction == Instruction.WRITE:
-                    refusal = self.write(address, parameters[width:])
-                else:
-                    refusal = self._register(address, parameters[width:])
-        elif instruction == Instruction.ACTION:
-            refusal = self._action()
-        elif instruction == Instruction.FACTORY_RESET:
-            refusal = self._factory_reset(parameters, everyone=servo_id == BROADCAST_ID)
-        else:
+        everyone = servo_id == BROADCAST_ID
+        if instruction == Instruction.REBOOT and self.supports(instruction):
             status = self.status()
             self._reboot(now_s)
-            return None if silent else status
-        if silent:
-            return None
-        status = self.status(refusal, data if refusal is None else b"")
-        return StatusPacket(own_id, status.error, status.parameters)
+        else:
+            refusal, data = self._carry_out(instruction, parameters, everyone=everyone)
+            status = self.status(refusal, data if refusal is None else b"")
+        return None if silent else StatusPacket(own_id, status.error, status.parameters)
+
+    def _carry_out(
+        self, instruction: int, parameters: bytes, *, everyone: bool
+    ) -> tuple[Refusal | None, bytes]:
+        """Do what an instruction says; why not, and the data that the status packet brings."""
+        if instruction not in SINGLE or not self.supports(instruction):
+            return Refusal.INSTRUCTION, b""
+        if instruction == Instruction.PING:
+            return None, self.identity()
+        if instruction == Instruction.ACTION:
+            return self._action(), b""
+        if instruction == Instruction.FACTORY_RESET:
+            return self._factory_reset(parameters, everyone=everyone), b""
+        width = 2 if self.table.protocol == 2.0 else 1
+        address, rest = int.from_bytes(parameters[:width], "little"), parameters[width:]
+        if instruction == Instruction.READ:
+            if len(rest) != width:
+                return Refusal.LENGTH, b""
+            return self.read(address, int.from_bytes(rest, "little"))
+        if not rest:
+            return Refusal.LENGTH, b""
+        write = self.write if instruction == Instruction.WRITE else self._register
+        return write(address, rest), b""
 
     def identity(self) -> bytes:
         """What a ping brings: nothing in 1.0, model number and firmware version in 2.0."""

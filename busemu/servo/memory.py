@@ -12,22 +12,33 @@ class Memory:
     """The control table of one servo, as the bytes it holds.
 
     A write is checked whole before any byte of it is stored, so a refused write changes nothing.
-    Reserved addresses between registers read as 0 and swallow writes.
+    Reserved addresses between registers read as 0 and swallow writes; so do registers that the
+    servo's firmware (``firmware_version``, by default the table's) is too old for.
     """
 
-    def __init__(self, table: ControlTable) -> None:
+    def __init__(self, table: ControlTable, firmware_version: int | None = None) -> None:
         self.table = table
+        firmware = table.firmware_version if firmware_version is None else firmware_version
+        self._there = {r.name for r in table.registers if r.since_firmware <= firmware}
         self._bytes = bytearray(table.size)
         self._at: list[Register | None] = [None] * table.size
         for register in table.registers:
-            for address in range(register.address, register.address + register.size):
-                self._at[address] = register
+            if register.name in self._there:
+                for address in range(register.address, register.address + register.size):
+                    self._at[address] = register
         self.reset(table.registers)
+        if firmware_version is not None:
+            self["firmware_version"] = firmware_version
+
+    def has(self, name: str) -> bool:
+        """Whether this servo has a register, at its firmware."""
+        return name in self._there
 
     def reset(self, registers: Iterable[Register]) -> None:
         """Put initial values into ``registers``; those without one become 0."""
         for register in registers:
-            self[register.name] = register.initial or 0
+            if register.name in self._there:
+                self[register.name] = register.initial or 0
 
     def __getitem__(self, name: str) -> int:
         register = self.table[name]
@@ -38,6 +49,20 @@ class Memory:
         register = self.table[name]
         start = register.address
         self._bytes[start : start + register.size] = raw.to_bytes(register.size, "little")
+
+    def count(self, name: str) -> int:
+        """A register's decoded count: negative where its encoding says so."""
+        return self.table[name].decode(self[name])
+
+    def put(self, name: str, count: int) -> None:
+        """Set a register to a decoded count."""
+        self[name] = self.table[name].encode(count)
+
+    def show(self, name: str, value: float) -> None:
+        """Set a register to a measured value [SI]; a sensor beyond its range reads its end."""
+        register = self.table[name]
+        count = round(value / register.si_scale) + register.zero
+        self[name] = register.encode(max(register.minimum, min(register.maximum, count)))
 
     def si(self, name: str) -> float:
         """A register's value in SI."""
@@ -67,8 +92,7 @@ class Memory:
         if not touched or not all(register.writable for register in touched):
             return Refusal.ACCESS
         for register in touched:
-            count = register.decode(self.after(register, address, data))
-            if not register.minimum <= count <= register.maximum:
+            if not register.accepts(register.decode(self.after(register, address, data))):
                 return Refusal.RANGE
         return None
 

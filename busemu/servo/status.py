@@ -27,6 +27,8 @@ class Alarm(enum.Flag):
     VOLTAGE = enum.auto()
     OVERHEATING = enum.auto()
     OVERLOAD = enum.auto()
+    ENCODER = enum.auto()
+    ELECTRICAL_SHOCK = enum.auto()
 
 
 _V1 = MappingProxyType(
@@ -51,7 +53,7 @@ _V2 = MappingProxyType(
         Refusal.RESULT: Error2.RESULT_FAIL,
     }
 )
-#: Bits of the ``shutdown`` and ``alarm_led`` registers of Protocol 1.0 models: the error byte's own.
+#: Bits of ``shutdown`` and ``alarm_led`` of Protocol 1.0 models: those of the error byte.
 ALARM_BITS_V1 = MappingProxyType(
     {
         Alarm.VOLTAGE: int(ErrorBit1.INPUT_VOLTAGE),
@@ -59,8 +61,16 @@ ALARM_BITS_V1 = MappingProxyType(
         Alarm.OVERLOAD: int(ErrorBit1.OVERLOAD),
     }
 )
-#: Bits of ``shutdown`` and ``hardware_error_status`` of the XL-320. Source: e-manual, XL-320.
-ALARM_BITS_XL320 = MappingProxyType({Alarm.OVERLOAD: 1, Alarm.OVERHEATING: 2, Alarm.VOLTAGE: 4})
+#: Names of the alarms in ``drive.shutdown_bits`` of a table.
+ALARM_NAMES = MappingProxyType(
+    {
+        "input_voltage": Alarm.VOLTAGE,
+        "overheating": Alarm.OVERHEATING,
+        "overload": Alarm.OVERLOAD,
+        "encoder": Alarm.ENCODER,
+        "electrical_shock": Alarm.ELECTRICAL_SHOCK,
+    }
+)
 
 
 def error_byte(protocol: float, refusal: Refusal | None, alarms: Alarm) -> int:

@@ -1,6 +1,8 @@
 """Control tables and robot files: what is known of the devices on a bus, as data."""
 
-from .control_table import ControlTable, Register, TableError, load_table, models, parse_table
+from .control_table import ControlTable, load_table, models, parse_table
+from .inherit import TableError
+from .register import Register
 from .robots import Robot, RobotError, ServoMount, load_robot, parse_robot, robots
 
 __all__ = [

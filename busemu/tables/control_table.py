@@ -1,13 +1,12 @@
 """Control tables as data: one TOML file a servo model, under ``busemu/tables/servos/``.
 
 A register is described once, in the e-manual's words, and everything else follows from it: which
-bytes a write may touch, what a factory reset restores, and how a raw value reads in SI.
+bytes a write may touch, what a factory reset restores, and how a raw value reads in SI. A table may
+extend another (:mod:`busemu.tables.inherit`); a row with ``count`` stands for a numbered series.
 """
 
 from __future__ import annotations
 
-import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -15,119 +14,36 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-SERVOS = Path(__file__).with_name("servos")
+from .inherit import SERVOS, TableError, file_name, read_document, resolve
+from .register import Register, registers_of_row
 
+__all__ = ["ControlTable", "TableError", "load_table", "models", "parse_table"]
 
-class TableError(ValueError):
-    """A control table that cannot be used: says the file, the register, the rule."""
-
-
-#: unit as written in a table -> (unit in SI, factor)
-UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
+#: How registers become a drive (``drive.law``), and the keys of ``drive`` that each needs.
+LAWS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "": ("", 1.0),
-        "deg": ("rad", math.pi / 180.0),
-        "rpm": ("rad/s", math.pi / 30.0),
-        "rev/min2": ("rad/s2", math.pi / 1800.0),
-        "percent": ("", 0.01),
-        "V": ("V", 1.0),
-        "A": ("A", 1.0),
-        "mA": ("A", 1e-3),
-        "degC": ("degC", 1.0),
-        "us": ("s", 1e-6),
-        "ms": ("s", 1e-3),
-        "baud": ("baud", 1.0),
+        "compliance": (),
+        "pid": ("p_gain_duty_per_rad", "i_gain_duty_per_rad_s", "d_gain_duty_s_per_rad"),
+        "operating_modes": (
+            "position_p_gain_duty_per_rad",
+            "position_i_gain_duty_per_rad_s",
+            "position_d_gain_duty_s_per_rad",
+        ),
     }
 )
-ENCODINGS = ("unsigned", "signed", "sign_magnitude")
-ACCESSES = ("R", "RW")
-AREAS = ("EEPROM", "RAM")
-
-
-@dataclass(frozen=True, slots=True)
-class Register:
-    """One register of a control table.
-
-    ``raw`` values are the unsigned numbers on the wire. ``minimum`` and ``maximum`` bound what a
-    write may put there, in the register's own *decoded* counts (signed registers may be negative).
-    In SI: ``value = (decoded - zero) * scale``, in :attr:`si_unit`.
-    """
-
-    name: str
-    address: int
-    size: int
-    access: str = "RW"
-    area: str = "RAM"
-    initial: int | None = None
-    minimum: int = 0
-    maximum: int = 0
-    unit: str = ""
-    scale: float = 1.0
-    zero: int = 0
-    encoding: str = "unsigned"
-    sign_bit: int = 10
-    source: str = ""
-
-    @property
-    def writable(self) -> bool:
-        """Whether an instruction may change it."""
-        return self.access == "RW"
-
-    @property
-    def raw_maximum(self) -> int:
-        """The largest number its bytes can hold."""
-        return (1 << (8 * self.size)) - 1
-
-    @property
-    def si_unit(self) -> str:
-        """The unit of :meth:`to_si`."""
-        return UNITS[self.unit][0]
-
-    @property
-    def si_scale(self) -> float:
-        """SI units a count."""
-        return self.scale * UNITS[self.unit][1]
-
-    def decode(self, raw: int) -> int:
-        """The signed count that ``raw`` stands for on the wire."""
-        if self.encoding == "signed":
-            sign = 1 << (8 * self.size - 1)
-            return raw - ((raw & sign) << 1)
-        if self.encoding == "sign_magnitude":
-            sign = 1 << self.sign_bit
-            magnitude = raw & (sign - 1)
-            return -magnitude if raw & sign else magnitude
-        return raw
-
-    def encode(self, count: int) -> int:
-        """The raw number for a signed count; ``ValueError`` if it does not fit in the bytes."""
-        if self.encoding == "sign_magnitude":
-            sign = 1 << self.sign_bit
-            if abs(count) >= sign:
-                raise ValueError(f"{self.name}: {count} does not fit in {self.sign_bit} bits")
-            return sign | -count if count < 0 else count
-        raw = count & self.raw_maximum if self.encoding == "signed" else count
-        if not 0 <= raw <= self.raw_maximum or self.decode(raw) != count:
-            raise ValueError(f"{self.name}: {count} does not fit in {self.size} byte(s)")
-        return raw
-
-    def to_si(self, raw: int) -> float:
-        """``raw`` in SI."""
-        return (self.decode(raw) - self.zero) * self.si_scale
-
-    def from_si(self, value: float) -> int:
-        """The raw number nearest to ``value`` [SI]: rounded, then checked, never clipped.
-
-        Raises ``ValueError`` with the register, the value and the bounds where it is out of range.
-        """
-        count = round(value / self.si_scale) + self.zero
-        if not self.minimum <= count <= self.maximum:
-            low = (self.minimum - self.zero) * self.si_scale
-            high = (self.maximum - self.zero) * self.si_scale
-            raise ValueError(
-                f"{self.name}: {value:.6g} {self.si_unit} is outside [{low:.6g}, {high:.6g}]"
-            )
-        return self.encode(count)
+#: Instructions that a model takes if its table does not say, by protocol. Source: e-manual,
+#: protocol1 and protocol2. Bulk read of Protocol 1.0 is for the MX series only.
+_INSTRUCTIONS_1 = ("ping", "read", "write", "reg_write", "action", "factory_reset", "sync_write")
+_INSTRUCTIONS_2 = (*_INSTRUCTIONS_1, "reboot", "sync_read", "bulk_read", "bulk_write")
+INSTRUCTIONS: Mapping[float, tuple[str, ...]] = MappingProxyType(
+    {1.0: _INSTRUCTIONS_1, 2.0: _INSTRUCTIONS_2}
+)
+#: Every instruction a table may name.
+KNOWN_INSTRUCTIONS = frozenset(
+    {*_INSTRUCTIONS_2, "clear", "control_table_backup", "fast_sync_read", "fast_bulk_read"}
+)
+_KEYS = frozenset({"model", "model_number", "protocol", "source", "register", "baud_rates"})
+_OPTIONAL = frozenset({"drive", "instructions"})
 
 
 @dataclass(frozen=True)
@@ -135,7 +51,8 @@ class ControlTable:
     """The registers of one servo model, and what a servo of that model does by itself.
 
     ``drive`` holds how registers become a drive's numbers in SI, each with its source
-    (see ``docs/reference/tables.md``).
+    (see ``docs/reference/tables.md``). ``instructions`` are the instructions it takes, each with
+    the firmware that brought it (0: always there).
     """
 
     model: str
@@ -146,6 +63,7 @@ class ControlTable:
     drive: Mapping[str, Any]
     source: str
     path: Path
+    instructions: Mapping[str, int]
 
     @cached_property
     def by_name(self) -> Mapping[str, Register]:
@@ -156,6 +74,18 @@ class ControlTable:
     def size(self) -> int:
         """Bytes from address 0 to the end of the last register."""
         return max(r.address + r.size for r in self.registers)
+
+    @cached_property
+    def firmware_version(self) -> int:
+        """The firmware version a servo has if nothing else is said."""
+        register = self.by_name.get("firmware_version")
+        return 0 if register is None else register.initial or 0
+
+    def supports(self, instruction: str, firmware_version: int | None = None) -> bool:
+        """Whether a servo takes an instruction (``"sync_read"``); by default at its firmware."""
+        since = self.instructions.get(instruction)
+        firmware = self.firmware_version if firmware_version is None else firmware_version
+        return since is not None and firmware >= since
 
     def __getitem__(self, name: str) -> Register:
         try:
@@ -169,7 +99,8 @@ class ControlTable:
 
 def models() -> tuple[str, ...]:
     """Names of the servo models that have a table, sorted."""
-    return tuple(sorted(_read(path)["model"] for path in SERVOS.glob("*.toml")))
+    documents = (read_document(path) for path in SERVOS.glob("*.toml"))
+    return tuple(sorted(document["model"] for document in documents if "model" in document))
 
 
 @lru_cache
@@ -177,18 +108,12 @@ def load_table(model: str) -> ControlTable:
     """The control table of a model by its name (``"AX-12A"``), or of a TOML file by its path."""
     path = Path(model)
     if path.suffix != ".toml":
-        path = SERVOS / f"{model.lower()}.toml"
-    if not path.is_file():
+        path = SERVOS / file_name(model)
+    document = read_document(path) if path.is_file() else {}
+    if not document or (path.parent == SERVOS and "model" not in document):
         known = ", ".join(models())
         raise TableError(f"no control table for servo model {model!r}: known are {known}")
-    return parse_table(_read(path), path)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text("utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise TableError(f"{path}: not TOML: {error}") from None
+    return parse_table(document, path)
 
 
 def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
@@ -196,11 +121,21 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
 
     Raises :class:`TableError` naming the file, the register and the rule that is broken.
     """
-    missing = {"model", "model_number", "protocol", "register", "baud_rates"} - set(document)
+    document = resolve(document, path)
+    missing = _KEYS - {"source"} - set(document)
     if missing:
         raise TableError(f"{path}: missing {', '.join(sorted(missing))}")
+    unknown = set(document) - _KEYS - _OPTIONAL
+    if unknown:
+        raise TableError(f"{path}: unknown key {', '.join(sorted(unknown))}")
+    protocol = document["protocol"]
+    if protocol not in INSTRUCTIONS:
+        raise TableError(f"{path}: protocol must be 1.0 or 2.0, not {protocol!r}")
     registers = tuple(
-        sorted((_register(row, path) for row in document["register"]), key=lambda r: r.address)
+        sorted(
+            (register for row in document["register"] for register in registers_of_row(row, path)),
+            key=lambda r: r.address,
+        )
     )
     seen: dict[str, Register] = {}
     end, before = 0, ""
@@ -214,38 +149,50 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
     return ControlTable(
         model=document["model"],
         model_number=document["model_number"],
-        protocol=float(document["protocol"]),
+        protocol=float(protocol),
         registers=registers,
-        baud_rates=MappingProxyType({int(k): v for k, v in document["baud_rates"].items()}),
-        drive=MappingProxyType(dict(document.get("drive", {}))),
+        baud_rates=_baud_rates(document["baud_rates"], path),
+        drive=MappingProxyType(_drive(document.get("drive", {}), seen, path)),
         source=document.get("source", ""),
         path=path,
+        instructions=_instructions(document.get("instructions"), float(protocol), path),
     )
 
 
-def _register(row: Mapping[str, Any], path: Path) -> Register:
-    where = f"{path}: register {row.get('name', '?')!r}"
-    row = dict(row)
-    low, high = row.pop("range", (None, None))
-    if not isinstance(row.get("size"), int) or not 1 <= row["size"] <= 256:
-        raise TableError(f"{where}: size must be 1 to 256 bytes")
-    top = (1 << (8 * row["size"])) - 1
-    try:
-        register = Register(
-            minimum=0 if low is None else low, maximum=top if high is None else high, **row
-        )
-    except TypeError as error:
-        raise TableError(f"{where}: {error}") from None
-    for value, allowed, what in (
-        (register.access, ACCESSES, "access"),
-        (register.area, AREAS, "area"),
-        (register.unit, tuple(UNITS), "unit"),
-        (register.encoding, ENCODINGS, "encoding"),
-    ):
-        if value not in allowed:
-            raise TableError(f"{where}: {what} {value!r} is not one of {', '.join(allowed)}")
-    if register.minimum > register.maximum:
-        raise TableError(f"{where}: range {register.minimum} to {register.maximum} is empty")
-    if register.initial is not None and not 0 <= register.initial <= register.raw_maximum:
-        raise TableError(f"{where}: initial {register.initial} does not fit in its bytes")
-    return register
+def _baud_rates(rows: Mapping[str, Any], path: Path) -> Mapping[int, int]:
+    for code, rate in rows.items():
+        if not code.isdecimal() or not isinstance(rate, int) or rate <= 0:
+            raise TableError(f"{path}: baud_rates: {code} = {rate}: a value and bits a second")
+    return MappingProxyType({int(code): rate for code, rate in rows.items()})
+
+
+def _instructions(rows: Mapping[str, Any] | None, protocol: float, path: Path) -> Mapping[str, int]:
+    if rows is None:
+        return MappingProxyType(dict.fromkeys(INSTRUCTIONS[protocol], 0))
+    for name, since in rows.items():
+        if name not in KNOWN_INSTRUCTIONS:
+            known = ", ".join(sorted(KNOWN_INSTRUCTIONS))
+            raise TableError(f"{path}: instructions: {name!r} is not one of {known}")
+        if since is not False and (since is True or not isinstance(since, int) or since < 0):
+            raise TableError(
+                f"{path}: instructions: {name} = {since!r}: the firmware that brought it, "
+                "0 for always, or false"
+            )
+    return MappingProxyType({name: since for name, since in rows.items() if since is not False})
+
+
+def _drive(
+    drive: Mapping[str, Any], registers: Mapping[str, Register], path: Path
+) -> dict[str, Any]:
+    if not drive:
+        return {}
+    law = str(drive.get("law"))
+    if law not in LAWS:
+        raise TableError(f"{path}: drive: law {law!r} is not one of {', '.join(LAWS)}")
+    missing = {"eeprom_locked_by", "shutdown_cuts", *LAWS[law]} - set(drive)
+    if missing:
+        raise TableError(f"{path}: drive: missing {', '.join(sorted(missing))}")
+    for key in ("eeprom_locked_by", "shutdown_cuts"):
+        if drive[key] not in registers:
+            raise TableError(f"{path}: drive: {key} names no register: {drive[key]!r}")
+    return dict(drive)
