@@ -69,14 +69,15 @@ def render(
     be used and ``KeyError`` for a joint it does not have.
     """
     physical = read_physics(robot)
-    world = World(physical, step_s=0.001)
     reach_m = _reach_m(physical)
+    camera = _camera(physical, reach_m, width_px, height_px)
+    floor = _Floor(camera, reach_m)
+    world = World(physical, step_s=0.001)
     try:
-        for pose in poses:
-            world.place((pose.x_m, pose.y_m, pose.z_m), pose.quaternion(), pose.joints_rad)
-            camera = _camera(physical, pose, reach_m, width_px, height_px)
+        for pose in poses:  # the robot stays at the origin, where the light is, and the floor moves
+            world.place((0.0, 0.0, pose.z_m), pose.quaternion(), pose.joints_rad)
             colours, robot_there = world.photograph(camera)
-            yield _average(_on_ground(camera, colours, robot_there, reach_m))
+            yield _average(floor.under(colours, robot_there, pose.x_m, pose.y_m))
     finally:
         world.close()
 
@@ -86,51 +87,59 @@ def _reach_m(robot: PhysicalRobot) -> float:
     return mounts + robot.foot_m(robot.neutral_rad)[0]
 
 
-def _camera(robot: PhysicalRobot, pose: Pose, reach_m: float, width: int, height: int) -> Camera:
+def _camera(robot: PhysicalRobot, reach_m: float, width: int, height: int) -> Camera:
     up = TARGET_UP * robot.height_m(robot.neutral_rad)
-    wide = width / height
-    distance = 1.5 * reach_m / (math.tan(math.radians(FIELD_DEG) / 2) * min(wide, 1.5))
+    distance = 1.6 * reach_m / (math.tan(math.radians(FIELD_DEG) / 2) * min(width / height, 1.5))
     flat = distance * math.cos(ABOVE_RAD)
     return Camera(
         eye_m=(
-            pose.x_m + flat * math.cos(SIDE_RAD),
-            pose.y_m + flat * math.sin(SIDE_RAD),
+            flat * math.cos(SIDE_RAD),
+            flat * math.sin(SIDE_RAD),
             up + distance * math.sin(ABOVE_RAD),
         ),
-        target_m=(pose.x_m, pose.y_m, up),
+        target_m=(0.0, 0.0, up),
         field_deg=FIELD_DEG,
         width_px=width * OVERSAMPLING,
         height_px=height * OVERSAMPLING,
     )
 
 
-def _on_ground(
-    camera: Camera, colours: Pixels, robot_there: NDArray[np.bool_], reach_m: float
-) -> Pixels:
-    """Paint the chequered ground wherever the robot is not, keeping the shadow near the robot."""
-    eye, target = np.array(camera.eye_m), np.array(camera.target_m)
-    ahead = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross(ahead, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, ahead)
-    half = math.tan(math.radians(camera.field_deg) / 2)
-    rows = (1.0 - 2.0 * (np.arange(camera.height_px) + 0.5) / camera.height_px) * half
-    wide = half * camera.width_px / camera.height_px
-    columns = (2.0 * (np.arange(camera.width_px) + 0.5) / camera.width_px - 1.0) * wide
-    rays = ahead + rows[:, None, None] * up + columns[None, :, None] * right
-    down = rays[:, :, 2] < -1e-6
-    far = np.where(down, -eye[2] / np.where(down, rays[:, :, 2], -1.0), 0.0)
-    x, y = eye[0] + far * rays[:, :, 0], eye[1] + far * rays[:, :, 1]
-    dark = (np.floor(x / SQUARE_M) + np.floor(y / SQUARE_M)) % 2 == 1
-    ground = np.where(dark[:, :, None], DARK_SQUARE, LIGHT_SQUARE)
-    shade = colours.astype(float).mean(axis=2)
-    lit = np.percentile(shade[~robot_there], 50)
-    away = np.hypot(x - target[0], y - target[1])
-    shadow = np.clip(1.0 - shade / lit, 0.0, 0.4) * np.clip(6.0 - 5.0 * away / reach_m, 0.0, 1.0)
-    ground = ground * (1.0 - shadow)[:, :, None]
-    haze = np.where(down, np.clip((away - HAZE_M[0]) / (HAZE_M[1] - HAZE_M[0]), 0.0, 1.0), 1.0)
-    ground += haze[:, :, None] * (SKY - ground)
-    return np.where(robot_there[:, :, None], colours, ground.round().astype(np.uint8))
+class _Floor:
+    """The chequered ground as one camera sees it: where each pixel's ray meets the ground."""
+
+    def __init__(self, camera: Camera, reach_m: float) -> None:
+        eye, target = np.array(camera.eye_m), np.array(camera.target_m)
+        ahead = (target - eye) / np.linalg.norm(target - eye)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        up = np.cross(right, ahead)
+        half = math.tan(math.radians(camera.field_deg) / 2)
+        wide = half * camera.width_px / camera.height_px
+        rows = (1.0 - 2.0 * (np.arange(camera.height_px) + 0.5) / camera.height_px) * half
+        columns = (2.0 * (np.arange(camera.width_px) + 0.5) / camera.width_px - 1.0) * wide
+        rays = ahead + rows[:, None, None] * up + columns[None, :, None] * right
+        down = rays[:, :, 2] < -1e-6
+        far = np.where(down, -eye[2] / np.where(down, rays[:, :, 2], -1.0), 0.0)
+        self._x_m = eye[0] + far * rays[:, :, 0]
+        self._y_m = eye[1] + far * rays[:, :, 1]
+        away = np.hypot(self._x_m, self._y_m)
+        haze = (away - HAZE_M[0]) / (HAZE_M[1] - HAZE_M[0])
+        self._haze = np.where(down, np.clip(haze, 0.0, 1.0), 1.0)[:, :, None]
+        self._shadow = np.clip(6.0 - 5.0 * away / reach_m, 0.0, 1.0)  # none far from the robot
+
+    def under(
+        self, colours: Pixels, robot_there: NDArray[np.bool_], x_m: float, y_m: float
+    ) -> Pixels:
+        """Paint the ground wherever the robot, now at x and y, is not; its shadow stays."""
+        along = np.floor((self._x_m + x_m) / SQUARE_M)
+        dark = (along + np.floor((self._y_m + y_m) / SQUARE_M)) % 2 == 1
+        ground = np.where(dark[:, :, None], DARK_SQUARE, LIGHT_SQUARE)
+        shade = colours.sum(axis=2, dtype=np.float64)
+        lit = np.median(shade[~robot_there])
+        shadow = np.clip(1.0 - shade / lit, 0.0, 0.4) * self._shadow
+        ground *= 1.0 - shadow[:, :, None]
+        ground += self._haze * (SKY - ground)
+        return np.where(robot_there[:, :, None], colours, ground.round().astype(np.uint8))
 
 
 def _average(pixels: Pixels) -> Pixels:

@@ -208,10 +208,8 @@ class World:
     def photograph(self, camera: Camera) -> tuple[Pixels, NDArray[np.bool_]]:
         """What a camera sees: (height, width, 3) colours, and (height, width) where robot is.
 
-        Around the robot the ground is plain white, with its shadow; beyond it there is nothing.
+        The ground around the origin is plain white, with the robot's shadow; beyond it is nothing.
         """
-        below = [*camera.target_m[:2], 0.0]
-        pybullet.resetBasePositionAndOrientation(self._ground, below, LEVEL, **self._on)
         width, height, pixels, _, body = pybullet.getCameraImage(
             camera.width_px,
             camera.height_px,
