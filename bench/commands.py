@@ -6,7 +6,9 @@ Heavy parts are imported when a command runs, so that ``busemu --help`` is quick
 from __future__ import annotations
 
 import math
-from contextlib import AbstractContextManager, nullcontext
+import os
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,10 +17,13 @@ import typer
 from busemu.assemble import plants
 from busemu.cli import fail
 from busemu.tables import Robot, RobotError, TableError, load_robot, robots
-from busemu.timing import load_profile
+from busemu.timing import ProfileError, load_profile
 
 if TYPE_CHECKING:
     from .running import Session
+
+#: A progress bar is drawn once in this time [s].
+BAR_EVERY_S = 0.5
 
 RobotOption = Annotated[
     str, typer.Option(help=f"One of {', '.join(robots())}, or the path of a robot file (.toml).")
@@ -65,8 +70,6 @@ def walk(
 
     Ctrl-C stops and switches the torque off.
     """
-    from rich.progress import Progress
-
     from hal.bus_errors import BusError
     from hal.legs import UnreachableError
 
@@ -81,29 +84,76 @@ def walk(
     steering = Steering(
         seconds, v_left, v_right, None if cycle_ms is None else cycle_ms / 1e3, seed
     )
+    failure: Exception | None = None
     try:
         described = load_robot(robot)
         if record is not None:
             check_path(record)
         with _session(described, port, plant) as session:
-            with Progress(transient=True) as bar:
-                task = bar.add_task(f"{described.name} walks", total=seconds)
-                report, finished = walk_in(
-                    session, steering, lambda t: bar.update(task, completed=t)
-                )
-            if record is not None:
-                name = record.stem
+            try:
+                with _bar(described.name, seconds) as show:
+                    report, finished = walk_in(session, steering, show)
+            except BusError as error:
+                failure = error  # what was recorded until then is kept
+            if record is not None and len(session.recorder):
                 condition = {"v_left": v_left, "v_right": v_right, "support": "ground"}
-                write(session.recording(name, "walk", **condition), record)
-    except (RobotError, TableError, BusError, RecordingError, UnreachableError) as error:
-        fail(" ".join([str(error), *getattr(error, "__notes__", [])]))
+                write(session.recording(record.stem, "walk", **condition), record)
+    except (
+        RobotError,
+        TableError,
+        ProfileError,
+        BusError,
+        RecordingError,
+        UnreachableError,
+    ) as error:
+        fail(error)
+    if record is not None and record.exists():
+        typer.echo(f"recorded {record}")
+    if failure is not None:
+        fail(" ".join([str(failure), *getattr(failure, "__notes__", [])]))
     for line in describe(report):
         typer.echo(line)
-    if record is not None:
-        typer.echo(f"recorded {record}")
     if not finished:
         typer.echo("interrupted; torque is off")
         raise typer.Exit(130)
+
+
+@contextmanager
+def _bar(name: str, seconds: float) -> Iterator[Callable[[float], None] | None]:
+    """Yield what is told the time walked [s] and shows it; nothing where no terminal is."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    shown_s = -BAR_EVERY_S
+    with Progress(console=console, transient=True, auto_refresh=False) as bar:
+        task = bar.add_task(f"{name} walks", total=seconds)
+
+        def show(walked_s: float) -> None:
+            nonlocal shown_s
+            if walked_s - shown_s >= BAR_EVERY_S:  # drawing takes a part of a control cycle
+                shown_s = walked_s
+                bar.update(task, completed=walked_s, refresh=True)
+
+        yield show
+
+
+def inspect(
+    recording: Annotated[Path, typer.Argument(help="NAME.parquet, or NAME.csv with its .toml.")],
+) -> None:
+    """Show what is in a recording, and what is odd about it: losses, gaps, values out of range."""
+    from .recording import RecordingError, read
+    from .recording.describe import describe as describe_recording
+
+    try:
+        typer.echo(describe_recording(read(recording)))
+    except RecordingError as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{recording}: {os.strerror(error.errno or 0)}")
 
 
 def _session(robot: Robot, port: str | None, plant: str) -> AbstractContextManager[Session]:

@@ -207,10 +207,11 @@ def _film(
     at = np.searchsorted(times, instants).clip(0, len(times) - 1)
     base = [observed.observed(f"mocap/base_{name}").value for name in names]
     joints = {s.joint: observed.observed(f"rig/{s.joint}_rad").value for s in robot.servos}
-    poses = [
-        Pose(*(float(b[i]) for b in base), {name: float(v[i]) for name, v in joints.items()})
-        for i in at.tolist()
-    ]
+    poses = []
+    for i in at.tolist():
+        x, y, z, roll, pitch, yaw = (float(values[i]) for values in base)
+        angles = {name: float(values[i]) for name, values in joints.items()}
+        poses.append(Pose(x, y, z, roll, pitch, yaw, angles))
     frames = list(render(robot, poses))
     film_strip(frames, [float(t) for t in instants], count=6, columns=3).save(folder / "film.png")
     files["film.png"] = "the robot walking, six instants"

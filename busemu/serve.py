@@ -7,8 +7,10 @@ slices; just before the reply is due it stops that and spins, so that the reply 
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import gc
+import os
 import time
 from collections import deque
 from collections.abc import Callable
@@ -26,8 +28,16 @@ SPIN_S = 0.00015
 #: After a reply the loop does nothing but listen for so long [s], without sleeping: a program that
 #: reads one servo after another sends its next request now.
 NEXT_S = 0.00015
+#: Bytes are taken from the port while the line is busy for no longer than this [s]; then they wait
+#: in the port, as in the driver of a real one, and a program that writes on is stopped.
+BACKLOG_S = 0.005
+#: A port that a client has left locked is opened to the next one after so long [s].
+UNLOCK_EVERY_S = 0.1
 #: With nothing to do the loop sleeps so long at most [s].
 IDLE_S = 0.0005
+
+#: How much the server asks to be preferred over other processes; -20 is the most. Assumed.
+PRIORITY = -10
 
 _PR_SET_TIMERSLACK = 29
 
@@ -59,7 +69,7 @@ def serve(
     """
     now_s = time.monotonic()
     state = ServerState(now_s)
-    tell_s, observe_s = now_s + every_s, now_s
+    tell_s, observe_s, unlock_s = now_s + every_s, bus.plant_s, now_s
     while True:
         now_s = time.monotonic()
         reply_s = bus.next_reply_s()
@@ -69,29 +79,37 @@ def serve(
             state.replies_late_s.append(time.monotonic() - reply_s)
             _listen(port, time.monotonic() + NEXT_S)
             now_s = time.monotonic()
-        if port.wait(0.0):
+        listening = bus.line_free_s - now_s < BACKLOG_S
+        if listening and port.wait(0.0):
             bus.baud_rate = port.baud_rate() or bus.baud_rate
             bus.receive(port.read(), now_s)
         behind_s = now_s - bus.plant_s
         until_s = min(now_s, bus.plant_s + SLICE_S)
         port.write(bus.poll(until_s))
         bus.advance_plant(until_s)
+        if observe is not None and bus.plant_s >= observe_s:
+            observe(bus.plant_s)
+            observe_s += observe_every_s
+            continue
         if behind_s > SLICE_S:
             state.physics_late_s = max(state.physics_late_s, behind_s)
             continue
-        if observe is not None and now_s >= observe_s:
-            observe(bus.plant_s)
-            observe_s += observe_every_s
-        elif tell is not None and now_s >= tell_s:
-            port.unlock()
+        if tell is not None and now_s >= tell_s:
             tell(state)
             state.physics_late_s = 0.0
             tell_s = now_s + every_s
+        elif now_s >= unlock_s:
+            port.unlock()
+            unlock_s = now_s + UNLOCK_EVERY_S
         else:
             due_s = bus.next_deadline_s()
             if bus.next_reply_s() is not None:
                 due_s = min(due_s, now_s + GUARD_S)
-            port.wait(max(0.0, min(IDLE_S, due_s - time.monotonic())))
+            idle_s = max(0.0, min(IDLE_S, due_s - time.monotonic()))
+            if listening:
+                port.wait(idle_s)
+            else:
+                time.sleep(idle_s)
 
 
 def _wait_until(instant_s: float) -> None:
@@ -112,10 +130,12 @@ def _listen(port: PtyPort, until_s: float) -> None:
 def prepare_process() -> None:
     """Make this process punctual: to be called once all is loaded, before time counts.
 
-    The kernel shall wake it without its usual 50 us of slack, and the garbage collector shall not
-    look again at what is there already.
+    The kernel shall wake it without its usual 50 us of slack and, where it may ask for that, before
+    other work; the garbage collector shall not look again at what is there already.
     """
     gc.collect()
     gc.freeze()
+    with contextlib.suppress(PermissionError):  # needs root, or a limit that allows it
+        os.nice(PRIORITY)
     libc = ctypes.CDLL(None, use_errno=True)
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)

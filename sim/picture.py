@@ -20,7 +20,7 @@ from .world import Camera, Pixels, World
 
 SQUARE_M = 0.10
 OVERSAMPLING = 2  #: rendered so many times larger, then averaged
-FIELD_DEG = 28.0
+FIELD_DEG = 31.0
 SIDE_RAD = math.radians(-58.0)  #: where the camera stands, about +z from the x axis (right)
 ABOVE_RAD = math.radians(32.0)
 TARGET_UP = 0.35  #: share of the standing height that the camera looks at

@@ -1,0 +1,23 @@
+"""Read a servo through the official SDK: an emulated bus and a real one look the same.
+
+    busemu serve --robot marvin --link /tmp/marvin &
+    python examples/any_client.py /tmp/marvin
+"""
+
+import sys
+import time
+
+from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
+
+PRESENT_POSITION = 37  # XL-320
+
+port, packets = PortHandler(sys.argv[1]), PacketHandler(2.0)
+port.setBaudRate(1_000_000)  # another baud rate meets silence, as on a real bus
+for servo_id in range(1, 19):
+    start = time.perf_counter()
+    position, result, error = packets.read2ByteTxRx(port, servo_id, PRESENT_POSITION)
+    took_ms = (time.perf_counter() - start) * 1e3
+    if result != COMM_SUCCESS:
+        sys.exit(f"servo {servo_id}: {packets.getTxRxResult(result)}")
+    print(f"servo {servo_id:2}: position {position:4}, {took_ms:.2f} ms")
+port.closePort()
