@@ -58,6 +58,12 @@ class Servo:
         self._heard_s = 0.0  #: when it last had an instruction
         self._indirect = Indirect(self.memory)
         self._behaviour = behaviour(self.memory)
+        firmware = self.memory["firmware_version"]
+        self._instructions = frozenset(
+            instruction
+            for instruction in Instruction
+            if table.supports(instruction.name.lower(), firmware)
+        )
         self.memory["id"] = mount.servo_id
         self.memory["baud_rate"] = baud_rate_code(table, baud_rate)
         for name, raw in mount.registers.items():
@@ -106,11 +112,7 @@ class Servo:
 
     def supports(self, instruction: int) -> bool:
         """Whether its model, at its firmware, has an instruction."""
-        try:
-            name = Instruction(instruction).name.lower()
-        except ValueError:
-            return False
-        return self.table.supports(name, self.memory["firmware_version"])
+        return instruction in self._instructions
 
     def answers(self, instruction: int) -> bool:
         """Whether its status return level has it answer an instruction to it alone."""
@@ -152,12 +154,19 @@ class Servo:
         """Do what an instruction says; why not, and the data that the status packet brings."""
         if instruction not in SINGLE or not self.supports(instruction):
             return Refusal.INSTRUCTION, b""
+        refusal, data = None, b""
         if instruction == Instruction.PING:
-            return None, self.identity()
-        if instruction == Instruction.ACTION:
-            return self._action(), b""
-        if instruction == Instruction.FACTORY_RESET:
-            return self._factory_reset(parameters, everyone=everyone), b""
+            data = self.identity()
+        elif instruction == Instruction.ACTION:
+            refusal = self._action()
+        elif instruction == Instruction.FACTORY_RESET:
+            refusal = self._factory_reset(parameters, everyone=everyone)
+        else:
+            refusal, data = self._access(instruction, parameters)
+        return refusal, data
+
+    def _access(self, instruction: int, parameters: bytes) -> tuple[Refusal | None, bytes]:
+        """Read, write and reg_write: an address, and then a length or the data."""
         width = 2 if self.table.protocol == 2.0 else 1
         address, rest = int.from_bytes(parameters[:width], "little"), parameters[width:]
         if instruction == Instruction.READ:
@@ -230,8 +239,9 @@ class Servo:
             touched |= {register.name for register in memory.registers(address, len(data))}
         if "torque_limit" in touched and memory["torque_limit"]:
             self.protection.clear()
-        state = self._plant.sample(self._plant_id)
-        self._behaviour.written(touched, state, self._now_s or 0.0)
+        if touched & self._behaviour.reacts:
+            state = self._plant.sample(self._plant_id)
+            self._behaviour.written(touched, state, self._now_s or 0.0)
         if self._is_shut_down():
             memory["torque_enable"] = 0
         self._hear()

@@ -18,6 +18,8 @@ from .status import Refusal
 MOVING_VELOCITY_RAD_S = 0.05
 #: ``realtime_tick`` counts milliseconds and starts over after its maximum. Source: e-manual.
 TICK_MODULO = 32768
+#: A write to these makes a servo with an absolute encoder take its turn anew. Assumed.
+HOMING = frozenset({"torque_enable", "cw_angle_limit", "ccw_angle_limit"})
 #: Ticks come at sums of a period, which rounding leaves a little before or after their due time.
 TICK_ROUNDING_S = 1e-6
 
@@ -30,6 +32,7 @@ class JointWheel:
         self._memory = memory
         self._turn_counts = int(drive.get("turn_counts", 0))
         self._turn = 0
+        self.reacts = HOMING if self._turn_counts else frozenset[str]()
         self._wheel_is_pwm = drive.get("wheel_mode") == "pwm"
         self._stall_current_a = float(drive.get("stall_current_a", math.inf))
         self._load_refresh_s = float(drive.get("load_refresh_s", 0.0))
@@ -145,7 +148,7 @@ class JointWheel:
 
     def written(self, names: Set[str], state: ServoState, now_s: float) -> None:
         """After a change of mode or of torque, angles count from the turn the servo is in."""
-        if names & {"torque_enable", "cw_angle_limit", "ccw_angle_limit"}:
+        if names & HOMING:
             self._home(state)
 
     def show(self, state: ServoState, now_s: float) -> None:

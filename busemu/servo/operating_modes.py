@@ -55,6 +55,8 @@ RESET_BY_MODE = (
 class OperatingModes:
     """Registers of a servo that has an ``operating_mode``."""
 
+    reacts = frozenset({*GOALS, *LIMITS.values(), "operating_mode", "torque_enable"})
+
     def __init__(self, memory: Memory) -> None:
         table, drive = memory.table, memory.table.drive
         self._memory = memory

@@ -23,6 +23,10 @@ from .status import Refusal
 class Behaviour(Protocol):
     """What a family of models does with its registers. Instants are those of the bus's clock."""
 
+    @property
+    def reacts(self) -> frozenset[str]:
+        """The registers that :meth:`written` must be told of."""
+
     def power_on(self, state: ServoState, now_s: float) -> None:
         """Fill the registers that take their value from the servo itself."""
 

@@ -2,6 +2,7 @@
 
 from .control_table import ControlTable, load_table, models, parse_table
 from .inherit import TableError
+from .markdown import table_markdown
 from .register import Register
 from .robots import Robot, RobotError, ServoMount, load_robot, parse_robot, robots
 
@@ -18,4 +19,5 @@ __all__ = [
     "parse_robot",
     "parse_table",
     "robots",
+    "table_markdown",
 ]
