@@ -101,6 +101,7 @@ INSANE = {
     "no mass": (("link", "femur", "mass_kg"), None, "mass_kg"),
     "negative mass": (("link", "femur", "mass_kg"), value(-0.008), "-0.008 kg"),
     "no source": (("link", "femur", "mass_kg"), {"value": 0.008}, "source"),
+    "empty source": (("link", "femur", "mass_kg"), {"value": 0.008, "source": " "}, "source"),
     "bare number": (("link", "femur", "mass_kg"), 0.008, "source"),
     "millimetres": (("link", "femur", "length_m"), value(60.0), "0.001 to 2.0 m"),
     "text": (("link", "femur", "length_m"), value("long"), "number in m"),

@@ -273,11 +273,12 @@ def test_load_dependent_friction_keeps_the_data_sheets_stall_torque() -> None:
 
 
 def test_backlash_lets_the_shaft_move_freely_within_its_zone() -> None:
-    bank = bank_of([replace(drive_of("marvin"), backlash_rad=0.01)] * 3)
-    at = np.array([0.0, 0.0049, 0.0060])
-    bank.step(at, np.zeros(3))
+    drive = replace(drive_of("marvin"), backlash_rad=0.01)
+    bank = bank_of([drive] * 4)
+    bank.step(np.array([0.0, 0.0049, 0.0055, -0.0055]), np.zeros(4))
     assert bank.torque_nm[:2] == pytest.approx([0.0, 0.0])
-    assert bank.torque_nm[2] < -0.001
+    beyond = drive.gear_stiffness_nm_rad * 0.0005
+    assert bank.torque_nm[2:] == pytest.approx([-beyond, beyond], rel=0.01)
 
 
 def test_supply_sags_by_the_sum_of_all_currents() -> None:

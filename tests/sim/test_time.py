@@ -170,3 +170,12 @@ def test_closing_twice_is_fine_and_frees_the_world() -> None:
         p = plant(load_robot("marvin"))
         p.close()
         p.close()
+
+
+def test_closing_late_does_not_close_the_next_plant(make: Make) -> None:
+    robot = load_robot("marvin")
+    old = make(robot)
+    old.close()
+    new = make(robot)
+    old.close()
+    new.advance(0.01)

@@ -15,6 +15,7 @@ from busemu.plant import DriveCommand
 from busemu.tables import Robot, load_robot
 from sim.drive import kernel
 from sim.robot import SEGMENTS, read_physics
+from sim.shapes import inertial
 from sim.world import GRAVITY_M_S2, BulletPlant, World
 
 Make = Callable[..., BulletPlant]
@@ -79,6 +80,46 @@ def test_a_free_body_answers_an_impulse_by_its_inverse_mass(robot: Robot) -> Non
         wanted = world.inverse_mass()[:, i] * 1e-3 * 1e-4
         assert 0.5 * (velocity - twice) == pytest.approx(wanted, abs=1e-3 * np.abs(wanted).max())
     world.close()
+
+
+def test_the_engine_takes_the_inertia_of_the_shapes(robot: Robot) -> None:
+    physical = read_physics(robot)
+    world = World(physical, step_s=0.001, held=True)
+    mass = np.linalg.inv(world.inverse_mass())
+    tibia = inertial(physical.links["tibia"].mass_kg, physical.links["tibia"].shapes)
+    about_centre = (tibia.axes @ np.diag(tibia.moments_kg_m2) @ tibia.axes.T)[1, 1]
+    arm = math.hypot(tibia.centre_m[0], tibia.centre_m[2])
+    for i, joint in enumerate(physical.joints):
+        if joint.segment == "tibia":
+            assert mass[i, i] == pytest.approx(about_centre + tibia.mass_kg * arm**2, rel=1e-6)
+    world.close()
+
+
+def test_a_robot_in_the_air_falls_freely(robot: Robot) -> None:
+    physical = read_physics(robot)
+    world = World(physical, step_s=0.001)
+    world.place((0.0, 0.0, 2.0), LEVEL, physical.posture(physical.neutral_rad))
+    for _ in range(300):
+        world.step(np.zeros(18))
+    fallen = 2.0 - world.base()[0][2]
+    world.close()
+    assert fallen == pytest.approx(0.5 * GRAVITY_M_S2 * 0.3**2, rel=0.004)
+
+
+@pytest.mark.parametrize(("share", "slides"), [(0.8, False), (1.25, True)])
+def test_a_standing_robot_slides_where_friction_ends(
+    robot: Robot, make: Make, share: float, slides: bool
+) -> None:
+    model = robot.document["contact"]["friction"]
+    slippery = changed(robot, "contact", "friction", to={**model, "value": 0.2})
+    plant = make(slippery)
+    stand(plant, slippery, 3.0)
+    slope = math.atan(share * 0.2)
+    down, aside = math.cos(slope) * GRAVITY_M_S2, math.sin(slope) * GRAVITY_M_S2
+    pybullet.setGravity(aside, 0.0, -down, physicsClientId=plant.world._client)
+    before = plant.observe()["mocap/base_x_m"]
+    plant.advance(4.0)
+    assert (plant.observe()["mocap/base_x_m"] - before > 0.1) == slides
 
 
 def test_both_robots_stand_at_neutral_under_their_own_weight(robot: Robot, make: Make) -> None:
