@@ -117,18 +117,17 @@ def test_pypot_finds_reads_and_moves_the_servos(servers: dict[str, Server], name
     with closing(make(servers[name].path, baudrate=1_000_000, timeout=0.2)) as io:
         assert io.scan(range(15, 22)) == [15, 16, 17, 18]
         assert set(io.get_model(IDS)) == {"AX-12" if name == "phantomx" else "XL-320"}
-        io.enable_torque(IDS)
+        # pypot flushes its output before it sends, and a pty throws away what its kernel had no
+        # time to pass on yet; a driver of a real adapter does not. So a write may need repeating.
         goals = {i: float(3 * i - 30) for i in IDS}
-        io.set_goal_position(goals)
-        until(
-            lambda: all(
-                abs(seen - goals[i]) < 0.5
-                for i, seen in zip(IDS, io.get_present_position(IDS), strict=True)
-            )
-        )
-        assert io.get_goal_position(IDS) == pytest.approx(list(goals.values()), abs=0.3)
-        io.disable_torque(IDS)
-        assert not any(io.is_torque_enabled(IDS))
+        until(lambda: (io.enable_torque(IDS), all(io.is_torque_enabled(IDS)))[1])
+        until(lambda: (io.set_goal_position(goals), near(io.get_goal_position(IDS), goals))[1])
+        until(lambda: near(io.get_present_position(IDS), goals))
+        until(lambda: (io.disable_torque(IDS), not any(io.is_torque_enabled(IDS)))[1])
+
+
+def near(seen_deg: tuple[float, ...], goals_deg: dict[int, float]) -> bool:
+    return list(seen_deg) == pytest.approx(list(goals_deg.values()), abs=0.3)
 
 
 def test_pypot_sync_reads_an_xl320(servers: dict[str, Server]) -> None:
@@ -139,15 +138,29 @@ def test_pypot_sync_reads_an_xl320(servers: dict[str, Server]) -> None:
         assert io.get_present_voltage([1, 2]) == pytest.approx((7.4, 7.4))
 
 
-def test_rustypot_reads_and_moves_the_servos(servers: dict[str, Server]) -> None:
+def test_rustypot_reads_and_writes_xl320(servers: dict[str, Server]) -> None:
     rustypot = pytest.importorskip("rustypot")
     controller = rustypot.Xl320PyController(servers["marvin"].path, 1_000_000, 0.2)
     assert controller.ping(3)
+    assert controller.broadcast_scan() == dict.fromkeys(IDS, 350)
     assert len(controller.sync_read_present_position(IDS)) == 18
-    controller.sync_write_goal_position(IDS, [0.2] * 18)
-    assert controller.sync_read_goal_position(IDS) == pytest.approx([0.2] * 18, abs=0.01)
-    del controller
+    controller.sync_write_goal_position(IDS, [600 + i for i in IDS])
+    assert controller.sync_read_goal_position(IDS) == [600 + i for i in IDS]
+    controller.close()
     assert_served(servers["marvin"].path, "marvin")
+
+
+def test_rustypot_reads_and_writes_ax(servers: dict[str, Server]) -> None:
+    rustypot = pytest.importorskip("rustypot")
+    controller = rustypot.AxPyController(servers["phantomx"].path, 1_000_000, 0.2)
+    assert controller.ping(3)
+    assert controller.read_model_number(3) == [12]
+    goals_rad = [0.02 * i for i in IDS]
+    controller.sync_write_goal_position(IDS, goals_rad)
+    seen_rad = [controller.read_goal_position(i)[0] for i in IDS]
+    assert seen_rad == pytest.approx(goals_rad, abs=0.01)
+    controller.close()
+    assert_served(servers["phantomx"].path, "phantomx")
 
 
 def test_port_can_be_opened_by_pyserial_at_any_baud_rate(servers: dict[str, Server]) -> None:
