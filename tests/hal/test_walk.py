@@ -34,7 +34,7 @@ def torque_is_off(client):
 def test_a_walk_keeps_its_cycle_and_ends_with_the_torque_off(name):
     control, controller, clock, client = make(name)
     told = []
-    report = walk(control, controller, clock, 5.0, progress=told.append)
+    report = walk(control, controller, clock, 5.0, cycle_s=0.020, progress=told.append)
     assert report.cycles == 250
     assert report.cycle_mean_s == pytest.approx(0.020)
     assert report.cycle_max_s == pytest.approx(0.020)
@@ -45,6 +45,12 @@ def test_a_walk_keeps_its_cycle_and_ends_with_the_torque_off(name):
     assert told == sorted(told)
     assert told[-1] == pytest.approx(5.0)
     assert max(report.tracking_rms_rad.values()) < 0.003  # rounding only: these servos are ideal
+
+
+def test_without_a_word_the_cycle_is_the_robot_files():
+    control, controller, clock, _ = make()
+    report = walk(control, controller, clock, 1.0)
+    assert report.cycle_mean_s == pytest.approx(controller.gait.cycle_s)
 
 
 def test_goals_go_out_before_the_torque_and_start_where_the_joints_are():
@@ -80,11 +86,11 @@ def test_the_first_step_begins_near_the_neutral_posture_and_no_goal_leaps(name, 
 def test_cycles_that_overrun_are_counted_and_not_caught_up_with():
     control, controller, clock, client = make()
     client.read_s = [0.019] * STAND_UP_READS
-    plain = walk(control, controller, clock, 2.0)
+    plain = walk(control, controller, clock, 2.0, cycle_s=0.020)
     assert plain.missed_deadlines == 0
     control, controller, clock, client = make()
     client.read_s = [0.019] * 100 + [0.05, 0.019, 0.03]
-    report = walk(control, controller, clock, 2.0)
+    report = walk(control, controller, clock, 2.0, cycle_s=0.020)
     assert report.missed_deadlines == 2
     assert report.cycle_max_s == pytest.approx(0.05)
     assert report.cycle_median_s == pytest.approx(0.020)
@@ -156,7 +162,7 @@ def test_one_mute_servo_is_counted_and_does_not_end_the_walk():
     def progress(elapsed_s):
         client.mute = {7} if elapsed_s < 0.51 else set()
 
-    report = walk(control, controller, clock, 1.0, progress=progress)
+    report = walk(control, controller, clock, 1.0, cycle_s=0.020, progress=progress)
     assert report.lost_replies == 25
     assert report.errors == {"no reply": 25}
     assert torque_is_off(client)
@@ -195,7 +201,7 @@ def test_steering_may_follow_the_time():
         asked.append(t_s)
         return (0.0, 0.0)
 
-    walk(control, controller, clock, 1.0, steer=steer)
+    walk(control, controller, clock, 1.0, steer=steer, cycle_s=0.020)
     assert asked[0] == 0.0
     assert len(asked) == 50
     goals = [v for r, v in client.calls if r == "goal_position"][-40:]
