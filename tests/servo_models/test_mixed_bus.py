@@ -1,7 +1,5 @@
 """A bus of different models behind the official SDK, in virtual time, moved by the ideal plant."""
 
-
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from model_bench import OneServo
 
@@ -162,3 +164,17 @@ def test_instruction_that_the_model_or_its_firmware_lacks_is_an_instruction_erro
     )
     assert not servo.servo.supports(0x77)
     assert OneServo("MX-28").instruct(Instruction.REBOOT).error == 1 << 6
+
+
+def test_instruction_that_a_table_takes_away_is_refused_and_does_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'extends = "XM430-W350"\nmodel = "Mine"\nmodel_number = 1020\n'
+        "[instructions]\nwrite = false\n",
+        "utf-8",
+    )
+    servo = OneServo(str(path))
+    assert servo.instruct(Instruction.WRITE, b"\x41\x00\x01").error == 2
+    assert servo.get("led") == 0
+    assert servo.instruct(Instruction.REG_WRITE, b"\x41\x00\x01").error == 0
+    assert servo.get("registered_instruction") == 1
