@@ -20,6 +20,7 @@ from virtual_bus import (
 )
 
 from busemu.clock import VirtualClock
+from busemu.group import superpose
 from busemu.protocol import Framer, StatusPacket
 from busemu.trace import WireEvent, WireEventKind
 
@@ -170,6 +171,21 @@ def test_two_servos_of_one_id_are_both_read_when_their_return_delays_are_far_apa
     assert statuses(bench, bench.send(bench.packet(PING))) == [1, 1]
 
 
+@pytest.mark.parametrize(
+    ("runs", "expected"),
+    [
+        ([(0.0, b"ab"), (2.0, b"cd")], [(0.0, b"ab", False), (2.0, b"cd", False)]),
+        ([(2.0, b"cd"), (0.0, b"ab")], [(0.0, b"ab", False), (2.0, b"cd", False)]),
+        ([(0.0, b"\xf0\x0f"), (0.0, b"\x3c\xff")], [(0.0, b"\x30\x0f", True)]),
+        ([(0.0, b"\xf0\x0f"), (1.0, b"\x3c\xaa")], [(0.0, b"\xf0\x0c\xaa", True)]),
+        ([(0.0, b"\x01\x02\x03"), (1.0, b"\xff")], [(0.0, b"\x01\x02\x03", True)]),
+        ([], []),
+    ],
+)
+def test_bytes_of_two_servos_at_once_mix_and_zeros_win(runs: list, expected: list) -> None:
+    assert superpose(runs, 1.0) == expected
+
+
 def test_twins_of_a_sync_read_corrupt_it() -> None:
     bench, _ = with_twins(XL, lambda i: count_rad(None, 300 * i))
     result, _ = bench.sync_read("present_position", [3, 1])
@@ -243,6 +259,19 @@ def test_wire_log_holds_whole_packets_at_their_times(model: str) -> None:
         assert event.data == data
         assert event.start_s == pytest.approx(start_s, abs=1e-12)
         assert event.end_s == pytest.approx(start_s + len(data) * byte_s, abs=1e-12)
+
+
+@BOTH
+def test_wire_log_parts_noise_from_a_packet_that_begins_like_it(model: str) -> None:
+    """Of three FF the last two are the header; that is known only with the third."""
+    bench = Bench(model)
+    packet = bench.packet(PING)
+    bench.send(b"\xff" + packet)
+    noise, instruction = bench.wire[:2]
+    assert (noise.kind, noise.data) == (WireEventKind.NOISE, b"\xff")
+    assert instruction.data == packet
+    assert noise.end_s == pytest.approx(1e-5)
+    assert instruction.start_s == pytest.approx(1e-5)
 
 
 @BOTH
