@@ -278,7 +278,7 @@ class Servo:
             keeps = _FACTORY_RESET_KEEPS[parameters[0]]
         elif parameters:
             return Refusal.LENGTH
-        self.memory.reset(r for r in self.table.registers if r.name not in keeps)
+        self.memory.reset(r for r in self.table.registers if r.writable and r.name not in keeps)
         self._power_on()
         return None
 

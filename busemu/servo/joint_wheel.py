@@ -179,15 +179,13 @@ class JointWheel:
         if not self._turn_counts:
             memory.show("present_position", position_rad)
             return
-        register = memory.table["present_position"]
         count = self._shaft_count(position_rad)
         if self._multi_turn():
             count = round(count / memory["resolution_divider"])
             count += memory.count("multi_turn_offset")
-            count = max(register.minimum, min(register.maximum, count))
         else:
             count %= self._turn_counts
-        memory.put("present_position", count)
+        memory.clip("present_position", count)
 
     def idle(self, state: ServoState, now_s: float, silent_s: float) -> bool:
         """Renew ``present_load``, made from the controller's output, at the model's own pace."""

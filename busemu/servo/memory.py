@@ -58,11 +58,15 @@ class Memory:
         """Set a register to a decoded count."""
         self[name] = self.table[name].encode(count)
 
+    def clip(self, name: str, count: int) -> None:
+        """Set a register to a decoded count, or to the end of its range where that is nearer."""
+        register = self.table[name]
+        self[name] = register.encode(max(register.minimum, min(register.maximum, count)))
+
     def show(self, name: str, value: float) -> None:
         """Set a register to a measured value [SI]; a sensor beyond its range reads its end."""
         register = self.table[name]
-        count = round(value / register.si_scale) + register.zero
-        self[name] = register.encode(max(register.minimum, min(register.maximum, count)))
+        self.clip(name, round(value / register.si_scale) + register.zero)
 
     def si(self, name: str) -> float:
         """A register's value in SI."""

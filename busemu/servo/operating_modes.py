@@ -182,9 +182,8 @@ class OperatingModes:
     def _rest(self, state: ServoState, now_s: float) -> None:
         """Make the goal position the present one."""
         memory = self._memory
-        goal = memory.table["goal_position"]
         present = self._shaft_count(state.position_rad) + self._offset()
-        memory.put("goal_position", max(goal.minimum, min(goal.maximum, present)))
+        memory.clip("goal_position", present)
         self._profile = Profile(present, present, now_s)
 
     def _home(self, state: ServoState) -> None:
@@ -222,7 +221,7 @@ class OperatingModes:
         """Put the drive's state into the registers that a read may bring."""
         memory, sign, mode = self._memory, self._direction, self._mode
         present = self._shaft_count(state.position_rad) + self._offset()
-        memory.put("present_position", present)
+        memory.clip("present_position", present)
         memory.show("present_velocity", sign * state.velocity_rad_s)
         memory.show("present_pwm", sign * state.duty)
         if memory.has("present_current"):
@@ -240,7 +239,7 @@ class OperatingModes:
             velocity *= self._step_rad
         elif mode == VELOCITY and memory["torque_enable"]:
             velocity = memory.si("goal_velocity")
-        memory.put("position_trajectory", round(planned))
+        memory.clip("position_trajectory", round(planned))
         memory.show("velocity_trajectory", velocity)
         fast = abs(memory.count("present_velocity")) > memory["moving_threshold"]
         memory["moving"] = int(fast or ongoing)

@@ -8,6 +8,7 @@ import pytest
 from model_bench import COUNT_RAD, VELOCITY, OneServo
 
 from busemu.plant import OperatingMode
+from busemu.protocol import Instruction
 from busemu.servo import Refusal
 from busemu.tables import load_table, models
 
@@ -196,3 +197,20 @@ def test_every_mode_of_every_model_can_be_read_and_driven(model: str) -> None:
         assert 0.0 < servo.command.duty_limit <= 1.0
         assert servo.command.goal_duty == servo.command.goal_velocity_rad_s == 0.0
         servo.sleep(0.05)
+
+
+def test_factory_reset_restores_what_can_be_written_and_leaves_the_firmware() -> None:
+    servo = OneServo("XM430-W350", firmware_version=37)
+    servo.set(homing_offset=5, velocity_limit=6)
+    assert servo.instruct(Instruction.FACTORY_RESET, b"\x02").error == 0
+    assert (servo.get("homing_offset"), servo.get("velocity_limit")) == (0, 200)
+    assert servo.get("firmware_version") == 37
+    assert servo.servo.baud_rate == 1_000_000
+
+
+def test_shaft_far_beyond_the_register_reads_its_end() -> None:
+    servo = OneServo("XM430-W350")
+    servo.stand(3e9)
+    assert servo.get("present_position") == 2**31 - 1
+    servo.stand(-3e9)
+    assert servo.get("present_position") == -(2**31)
