@@ -31,6 +31,14 @@ def test_joint_mode_goes_to_the_goal_within_the_turn_and_its_limits() -> None:
     assert servo.get("present_position") == 4095
 
 
+def test_goal_is_in_the_turn_that_the_shaft_is_in_when_the_torque_comes_on() -> None:
+    servo = OneServo("MX-28", at_count=1000)
+    servo.stand(2 * 4096 + 1000)
+    servo.set(torque_enable=1, goal_position=1500)
+    assert servo.get("present_position") == 1000
+    assert goal_count(servo) == pytest.approx(2 * 4096 + 1500)
+
+
 def test_wheel_mode_is_both_limits_0_and_turns_without_end() -> None:
     servo = OneServo("MX-28")
     servo.set(torque_enable=1, ccw_angle_limit=0, moving_speed=-200)
