@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import math
 import os
+import signal
+import sys
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -154,6 +157,88 @@ def inspect(
         fail(error)
     except OSError as error:
         fail(f"{recording}: {os.strerror(error.errno or 0)}")
+
+
+def tap(
+    device: Annotated[str, typer.Option(help="The real adapter: /dev/ttyUSB0, or any port.")],
+    robot: RobotOption,
+    record: Annotated[
+        Path, typer.Option(help="The recording: NAME.parquet, or NAME.csv with .toml.")
+    ],
+    link: Annotated[
+        Path | None, typer.Option(help="Keep a symlink of this name to the port while tapping.")
+    ] = None,
+    group: Annotated[
+        str, typer.Option(help="Name that recordings of one experiment share.")
+    ] = "tap",
+) -> None:
+    """Stand between any program and its real adapter, and record every register it touches.
+
+    Start the tap on the adapter, then the unmodified program on the port that the tap prints:
+
+        busemu tap --device /dev/ttyUSB0 --robot marvin --link /tmp/marvin --record lab.parquet
+
+        busemu walk --robot marvin --port /tmp/marvin
+
+    Bytes pass at once in both directions; the baud rate is the program's. Ctrl-C ends the tap and
+    writes the recording, as does unplugging the adapter. Look at it with `busemu inspect`.
+    """
+    from busemu.ports.device import DeviceError, DeviceLostError, SerialDevice
+    from busemu.ports.pty import LinkError, PtyPort
+    from busemu.serve import prepare_process
+
+    from .recording import RecordingError
+    from .recording.files import check_path
+    from .tapping import TapRecorder
+
+    stop = threading.Event()
+    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, lambda *_: stop.set())  # a second one changes nothing
+    gone: DeviceLostError | None = None
+    try:
+        described = load_robot(robot)
+        check_path(record)
+        with closing(SerialDevice(device, described.baud_rate)) as adapter:
+            with closing(PtyPort(link)) as port:
+                taps = TapRecorder(described, port, adapter)
+                typer.echo(f"{described.name}: tapping {device}, Protocol {described.protocol}")
+                typer.echo(f"port {port.path}" + (f" (also {link})" if link else ""))
+                typer.echo(f"try: busemu walk --robot {robot} --port {link or port.path}")
+                sys.stdout.flush()
+                prepare_process()
+                told = RenewedLine()
+                try:
+                    taps.run(
+                        stop.is_set,
+                        lambda passing: told(str(passing)),
+                        lambda line: typer.secho(f"busemu: {line}", fg="red", err=True),
+                    )
+                except DeviceLostError as error:
+                    gone = error
+            if taps.counts.rows:
+                taps.save(record, group)
+    except (RobotError, TableError, LinkError, DeviceError, RecordingError) as error:
+        fail(error)
+    except OSError as error:
+        fail(f"--record {record}: {os.strerror(error.errno or 0)}")
+    counts = taps.counts
+    what = f"recorded {record}: {counts.rows} rows, {counts.lost} values lost"
+    typer.echo(told.after + (what if counts.rows else "nothing was read or written: no recording"))
+    if gone is not None:
+        fail(gone)
+
+
+class RenewedLine:
+    """Says one line again and again: over itself on a terminal, else under itself."""
+
+    def __init__(self) -> None:
+        self._start, self._end = ("\r\x1b[K", "") if sys.stdout.isatty() else ("", "\n")
+        self.after = ""  #: what ends the line before something else is said
+
+    def __call__(self, line: str) -> None:
+        """Say ``line`` in the place of the one before."""
+        self.after = "" if self._end else "\n"
+        os.write(sys.stdout.fileno(), f"{self._start}{line}{self._end}".encode())
 
 
 def _session(robot: Robot, port: str | None, plant: str) -> AbstractContextManager[Session]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from busemu.assemble import assemble
@@ -21,6 +20,7 @@ from hal.robot_control import RobotControl
 from hal.walk import Progress, WalkInterrupted, WalkReport, walk
 
 from .recording import Recorder, Recording
+from .recording.metadata import of_robot, source_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,19 +52,7 @@ class Session:
 
     def metadata(self, name: str, group: str, **condition: Any) -> dict[str, Any]:
         """Metadata of a recording of this session."""
-        robot = self.robot
-        return {
-            "name": name,
-            "robot": robot.name if robot.path.stem == robot.name else str(robot.path),
-            "source": self.source,
-            "group": group,
-            "condition": condition,
-            "bus": {"protocol": robot.protocol, "baud_rate": robot.baud_rate},
-            "servo": {
-                str(servo.servo_id): {"model": servo.model, "registers": dict(servo.registers)}
-                for servo in robot.servos
-            },
-        }
+        return of_robot(self.robot, name=name, source=self.source, group=group, condition=condition)
 
 
 @contextmanager
@@ -75,14 +63,9 @@ def on_port(robot: Robot, path: str) -> Iterator[Session]:
     port = open_port(path, robot.baud_rate)
     try:
         client = BusClient(port, robot.tables, robot.protocol, clock, recorder)
-        yield Session(robot, client, recorder, clock, _source(path))
+        yield Session(robot, client, recorder, clock, source_of(path))
     finally:
         port.closePort()
-
-
-def _source(path: str) -> str:
-    """What to call a port in a recording: a pseudo-terminal is taken for an emulated bus."""
-    return "emulator" if Path(path).resolve().is_relative_to("/dev/pts") else "real"
 
 
 def in_process(

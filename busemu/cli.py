@@ -15,16 +15,28 @@ import typer
 
 from .assemble import assemble, plants
 from .observe import Observation, ObservationError
+from .ports.device import DeviceError, SerialDevice
+from .ports.line import UartLine, servo_side
+from .ports.port import Port
 from .ports.pty import LinkError, PtyPort
+from .ports.tcp import TcpError, TcpPort
 from .serve import ServerState, prepare_process, serve
-from .tables import RobotError, TableError, load_robot, robots
+from .tables import Robot, RobotError, TableError, load_robot, robots
 from .timing import ProfileError, load_profile, profiles
 
 #: How often an observer looks [s]: fast enough for pictures of a gait.
 OBSERVE_EVERY_S = 0.02
 
 #: Errors that are the user's to mend: one line, exit code 1.
-USER_ERRORS = (RobotError, TableError, ProfileError, LinkError, ObservationError)
+USER_ERRORS = (
+    RobotError,
+    TableError,
+    ProfileError,
+    LinkError,
+    TcpError,
+    DeviceError,
+    ObservationError,
+)
 
 app = typer.Typer(
     name="busemu",
@@ -73,6 +85,20 @@ def serve_command(
     link: Annotated[
         Path | None, typer.Option(help="Keep a symlink of this name to the port while serving.")
     ] = None,
+    tcp: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Listen there instead, for raw bytes: 127.0.0.1:4000 for this machine only.",
+        ),
+    ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATH",
+            help="Be the servos on this real serial port instead: wire it to a control board.",
+        ),
+    ] = None,
     observe: Annotated[
         Path | None,
         typer.Option(help="Write what an observer beside the robot sees (.csv with .toml)."),
@@ -83,6 +109,12 @@ def serve_command(
     Then, in another shell, point any Dynamixel program at the port it prints, for instance
 
         busemu walk --robot marvin --port /dev/pts/3
+
+    Over a network, with --tcp: one client at a time, at the robot's baud rate; with pyserial,
+    serial_for_url("socket://HOST:PORT").
+
+    On a real line, with --device: the adapter's data line goes to the board's servo connector,
+    ground to ground. Wire and USB then take their own time, so only the servos' times are modelled.
     """
     for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, _stop)  # a shell's background jobs start with SIGINT ignored
@@ -92,7 +124,7 @@ def serve_command(
         makers = plants()
         if plant not in makers:
             fail(f"no plant named {plant!r}: use one of {', '.join(makers)}")
-        port = PtyPort(link)
+        port = _open(described, link, tcp, device)
     except USER_ERRORS as error:
         fail(error)
     observation = None
@@ -101,17 +133,19 @@ def serve_command(
         if observe is not None:
             observation = Observation(observe, described, joints)
         prepare_process()
+        if device is not None:
+            profile = servo_side(profile)
         bus = assemble(described, joints, profile, start_s=time.monotonic())
         typer.echo(
             f"{described.name}: {len(bus.servos)} servos, Protocol {described.protocol}, "
             f"{described.baud_rate} baud; timing {profile.name}, plant {plant}"
         )
         typer.echo(f"port {port.path}" + (f" (also {link})" if link else ""))
-        typer.echo(f"try: busemu walk --robot {robot} --port {link or port.path}")
+        typer.echo(f"try: {_suggestion(robot, port, link)}")
         sys.stdout.flush()
         serve(
             port,
-            bus,
+            bus if device is None else UartLine(bus),
             tell=_Teller(bus),
             observe=observation.row if observation else None,
             observe_every_s=OBSERVE_EVERY_S,
@@ -126,6 +160,30 @@ def serve_command(
         port.close()
         if observation is not None:
             observation.close()
+
+
+def _open(robot: Robot, link: Path | None, tcp: str | None, device: str | None) -> Port:
+    """The end of the wire that the options ask for; raises one of ``USER_ERRORS``."""
+    given = [
+        name
+        for name, value in (("--link", link), ("--tcp", tcp), ("--device", device))
+        if value is not None
+    ]
+    if len(given) > 1:
+        fail(f"{' and '.join(given)} exclude each other: a bus has one end; choose one")
+    if tcp is not None:
+        return TcpPort(tcp)
+    if device is not None:
+        return SerialDevice(device, robot.baud_rate, low_latency=True)
+    return PtyPort(link)
+
+
+def _suggestion(robot: str, port: Port, link: Path | None) -> str:
+    if isinstance(port, TcpPort):
+        return f'serial.serial_for_url("{port.path}")'
+    if isinstance(port, SerialDevice):
+        return f"the control board's program, at {port.baud_rate()} baud"
+    return f"busemu walk --robot {robot} --port {link or port.path}"
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:

@@ -15,9 +15,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
-from .bus import Bus
-from .ports.pty import PtyPort
+from .ports.port import Port
 
 #: Joints are advanced at most so far at once [s], so that arriving bytes are seen soon.
 SLICE_S = 0.001
@@ -42,6 +42,23 @@ PRIORITY = -10
 _PR_SET_TIMERSLACK = 29
 
 
+class Line(Protocol):
+    """What the loop asks of a bus; times are in s of the monotonic clock. See ``busemu.bus``."""
+
+    baud_rate: int
+
+    @property
+    def plant_s(self) -> float: ...  # noqa: D102
+    @property
+    def line_free_s(self) -> float: ...  # noqa: D102
+    def receive(self, data: bytes, now_s: float) -> None: ...  # noqa: D102
+    def next_reply_s(self) -> float | None: ...  # noqa: D102
+    def next_deadline_s(self) -> float: ...  # noqa: D102
+    def poll(self, now_s: float) -> bytes: ...  # noqa: D102
+    def deliver(self, now_s: float) -> bytes: ...  # noqa: D102
+    def advance_plant(self, to_s: float) -> None: ...  # noqa: D102
+
+
 @dataclass(slots=True)
 class ServerState:
     """How well the server keeps up. Latenesses are of the last while, in seconds."""
@@ -54,15 +71,17 @@ class ServerState:
 
 
 def serve(
-    port: PtyPort,
-    bus: Bus,
+    port: Port,
+    bus: Line,
     *,
     every_s: float = 5.0,
     tell: Callable[[ServerState], None] | None = None,
     observe_every_s: float = 0.0,
     observe: Callable[[float], None] | None = None,
 ) -> None:
-    """Serve ``bus`` on ``port`` in wall-clock time, until an exception (Ctrl-C) ends it.
+    """Serve ``bus`` on ``port`` in wall-clock time, until an exception ends it.
+
+    That is Ctrl-C, or what the port raises when it is lost.
 
     ``tell`` is called about every ``every_s`` and ``observe`` every ``observe_every_s`` [s], never
     while a reply is due.
@@ -82,7 +101,8 @@ def serve(
         listening = bus.line_free_s - now_s < BACKLOG_S
         if listening and port.wait(0.0):
             bus.baud_rate = port.baud_rate() or bus.baud_rate
-            bus.receive(port.read(), now_s)
+            if data := port.read():
+                bus.receive(data, now_s)
         behind_s = now_s - bus.plant_s
         until_s = min(now_s, bus.plant_s + SLICE_S)
         port.write(bus.poll(until_s))
@@ -121,7 +141,7 @@ def _wait_until(instant_s: float) -> None:
         pass
 
 
-def _listen(port: PtyPort, until_s: float) -> None:
+def _listen(port: Port, until_s: float) -> None:
     """Spin until bytes have come, or until ``until_s``."""
     while not port.wait(0.0) and time.monotonic() < until_s:
         pass

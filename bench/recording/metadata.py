@@ -25,6 +25,38 @@ from .errors import RecordingError
 FORMAT = "busemu-recording/1"
 
 
+def of_robot(
+    robot: Robot,
+    *,
+    name: str,
+    source: str,
+    group: str,
+    condition: Mapping[str, Any],
+    baud_rate: int | None = None,
+) -> dict[str, Any]:
+    """Metadata of a recording of ``robot`` on its bus, each servo as the robot's file sets it.
+
+    ``source``: see :func:`source_of`. ``baud_rate`` [bit/s] if it was not the robot's.
+    """
+    return {
+        "name": name,
+        "robot": robot.name if robot.path.stem == robot.name else str(robot.path),
+        "source": source,
+        "group": group,
+        "condition": dict(condition),
+        "bus": {"protocol": robot.protocol, "baud_rate": baud_rate or robot.baud_rate},
+        "servo": {
+            str(servo.servo_id): {"model": servo.model, "registers": dict(servo.registers)}
+            for servo in robot.servos
+        },
+    }
+
+
+def source_of(port: str) -> str:
+    """What to call a serial port as a source: a pseudo-terminal is taken for an emulated bus."""
+    return "emulator" if Path(port).resolve().is_relative_to("/dev/pts") else "real"
+
+
 def plain(metadata: Mapping[str, Any], path: Path | None = None) -> dict[str, Any]:
     """Make a deep copy of ``metadata`` that TOML can hold.
 

@@ -10,15 +10,12 @@ import contextlib
 import fcntl
 import os
 import select
-import struct
 import subprocess
 import termios
 import tty
 from pathlib import Path
 
-#: Linux ioctl: termios with the baud rate as a number. Source: asm-generic/ioctls.h.
-_TCGETS2 = 0x802C542A
-_TERMIOS2 = struct.Struct("4IB19B2I")
+from .baud import get_baud_rate
 
 
 class LinkError(ValueError):
@@ -68,8 +65,7 @@ class PtyPort:
 
     def baud_rate(self) -> int:
         """The output baud rate that the client has set [bit/s]."""
-        values = _TERMIOS2.unpack(fcntl.ioctl(self._master, _TCGETS2, bytes(_TERMIOS2.size)))
-        return int(values[-1])
+        return get_baud_rate(self._master)
 
     def unlock(self) -> None:
         """Undo a client's TIOCEXCL, which would lock the next client out."""

@@ -1,0 +1,126 @@
+"""Recording a real bus: a tap between an unmodified program and its adapter.
+
+The loop's first duty is to pass bytes on; it decodes only while nothing waits on either side.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from busemu.ports.device import SerialDevice
+from busemu.ports.pty import PtyPort
+from busemu.ports.tap import Chunk, Tap
+from busemu.tables import Robot
+
+from .recording import Recorder, write
+from .recording.metadata import of_robot, source_of
+from .wire_decoder import WireCounts, WireDecoder
+
+#: The loop looks so often whether it shall end [s].
+LOOK_S = 0.1
+#: What passes is told once in this time [s].
+TELL_EVERY_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """What passed a tap since it was last told, over ``seconds`` [s], and the totals."""
+
+    seconds: float
+    instructions: int
+    lost: int
+    total: WireCounts
+    baud_rate: int  #: of the device [bit/s]
+
+    def __str__(self) -> str:
+        return (
+            f"{self.instructions / self.seconds:6.0f} instructions/s, {self.lost} values lost, "
+            f"{self.total.rows} rows, {self.total.damaged} damaged packets, "
+            f"{self.total.noise_bytes} bytes of noise, {self.baud_rate} baud"
+        )
+
+
+class TapRecorder:
+    """A tap on the bus of ``robot``: ``port`` for the program, ``device`` behind it."""
+
+    def __init__(self, robot: Robot, port: PtyPort, device: SerialDevice) -> None:
+        self.robot = robot
+        self.rows = Recorder()
+        self._decoder = WireDecoder(robot.protocol, robot.tables, self.rows)
+        self._device = device
+        self._tap = Tap(port, device)
+        self._told = (time.monotonic(), 0, 0)
+
+    @property
+    def counts(self) -> WireCounts:
+        """What has passed so far."""
+        return self._decoder.counts
+
+    def run(
+        self,
+        stopped: Callable[[], bool],
+        tell: Callable[[Passing], object],
+        complain: Callable[[str], object],
+    ) -> None:
+        """Pass bytes on and decode them until ``stopped()``, asked ten times a second.
+
+        ``tell`` is called every few seconds, ``complain`` with one line when the device does not
+        take the program's baud rate. Raises :class:`~busemu.ports.device.DeviceLostError`; all that
+        passed before is decoded then as well.
+        """
+        look_s = tell_s = 0.0
+        refused = ""
+        try:
+            while True:
+                if not self._tap.turn(0.0 if self._tap.passed else LOOK_S) and self._tap.passed:
+                    self._decode(self._tap.passed.popleft())
+                now_s = time.monotonic()
+                if now_s < look_s:
+                    continue
+                look_s = now_s + LOOK_S
+                if stopped():
+                    break
+                self._tap.unlock()
+                if self._tap.refused != refused:
+                    refused = self._tap.refused
+                    if refused:
+                        complain(refused)
+                if now_s >= tell_s:
+                    if tell_s:
+                        tell(self._passing(now_s))
+                    tell_s = now_s + TELL_EVERY_S
+        finally:
+            while self._tap.passed:
+                self._decode(self._tap.passed.popleft())
+            self._decoder.finish()
+
+    def save(self, path: Path, group: str) -> None:
+        """Write what was decoded; raises as :func:`bench.recording.write` does."""
+        metadata = of_robot(
+            self.robot,
+            name=path.stem,
+            source=source_of(self._device.path),
+            group=group,
+            condition={},
+            baud_rate=self._device.baud_rate(),
+        )
+        write(self.rows.recording(metadata), path)
+
+    def _decode(self, chunk: Chunk) -> None:
+        take = self._decoder.sent if chunk.from_host else self._decoder.received
+        take(chunk.data, chunk.t_s)
+
+    def _passing(self, now_s: float) -> Passing:
+        before_s, instructions, lost = self._told
+        counts = replace(self.counts)
+        self._told = (now_s, counts.instructions, counts.lost)
+        return Passing(
+            now_s - before_s,
+            counts.instructions - instructions,
+            counts.lost - lost,
+            counts,
+            self._device.baud_rate(),
+        )
