@@ -1,7 +1,7 @@
 """Read a servo through the official SDK: an emulated bus and a real one look the same.
 
-    busemu serve --robot marvin --link /tmp/marvin &
-    python examples/any_client.py /tmp/marvin
+First ``busemu serve --robot marvin --link /tmp/marvin``, then, in another shell,
+``python examples/any_client.py /tmp/marvin``.
 """
 
 import sys
