@@ -1,0 +1,6 @@
+"""Servo buses for tests of a robot's own code; ``bench.pytest_plugin`` makes them a fixture."""
+
+from .buses import ServoBus, ServoBusError, ServoView, VirtualServoBus
+from .maker import ServoBusMaker
+
+__all__ = ["ServoBus", "ServoBusError", "ServoBusMaker", "ServoView", "VirtualServoBus"]

@@ -1,0 +1,77 @@
+"""``python -m bench.testing.server ROBOT PLANT TIMING [LINK]``: a served bus that tells the truth.
+
+It serves as ``busemu serve`` does, and between two packets answers questions that come in on its
+standard input, one JSON object a line. It ends when its input does.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from busemu.assemble import assemble, plants
+from busemu.ports.pty import LinkError, PtyPort
+from busemu.serve import prepare_process, serve
+from busemu.tables import RobotError, TableError, load_robot
+from busemu.timing import ProfileError, load_profile
+
+from .truth import Truth
+
+#: How often the server looks for questions [s].
+LOOK_EVERY_S = 0.002
+
+
+class Questions:
+    """Answers what has come in on a descriptor; ``SystemExit`` when that has ended."""
+
+    def __init__(self, truth: Truth, descriptor: int) -> None:
+        self._truth = truth
+        self._descriptor = descriptor
+        self._heard = b""
+
+    def __call__(self, now_s: float) -> None:
+        """Look for questions, without waiting for any."""
+        if not select.select([self._descriptor], [], [], 0.0)[0]:
+            return
+        data = os.read(self._descriptor, 65536)
+        if not data:
+            raise SystemExit(0)
+        *lines, self._heard = (self._heard + data).split(b"\n")
+        for line in lines:
+            asked = json.loads(line)
+            _say(self._truth.questions[asked.pop("question")](**asked))
+
+
+def _say(what: dict[str, Any]) -> None:
+    print(json.dumps(what), flush=True)
+
+
+def main(robot: str, plant: str, timing: str, link: str | None = None) -> None:
+    """Serve until the input ends. A mistake of the user's is one line and exit code 1."""
+    try:
+        described = load_robot(robot)
+        profile = load_profile(timing)
+        makers = plants()
+        if plant not in makers:
+            sys.exit(f"no plant named {plant!r}: use one of {', '.join(makers)}")
+        port = PtyPort(Path(link) if link else None)
+    except (RobotError, TableError, ProfileError, LinkError) as error:
+        sys.exit(str(error))
+    try:
+        joints = makers[plant](described)
+        prepare_process()
+        bus = assemble(described, joints, profile, start_s=time.monotonic())
+        _say({"path": port.path})
+        questions = Questions(Truth(described, bus), sys.stdin.fileno())
+        serve(port, bus, observe=questions, observe_every_s=LOOK_EVERY_S)
+    finally:
+        port.close()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
