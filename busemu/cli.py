@@ -23,6 +23,8 @@ from .ports.tcp import TcpError, TcpPort
 from .serve import ServerState, prepare_process, serve
 from .tables import Robot, RobotError, TableError, load_robot, robots
 from .timing import ProfileError, load_profile, profiles
+from .traceline import TraceError
+from .tracing import TracedPort, Tracing
 
 #: How often an observer looks [s]: fast enough for pictures of a gait.
 OBSERVE_EVERY_S = 0.02
@@ -36,6 +38,7 @@ USER_ERRORS = (
     TcpError,
     DeviceError,
     ObservationError,
+    TraceError,
 )
 
 app = typer.Typer(
@@ -103,6 +106,18 @@ def serve_command(
         Path | None,
         typer.Option(help="Write what an observer beside the robot sees (.csv with .toml)."),
     ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write all that goes over the wire, with modelled and measured times: "
+            "see busemu monitor FILE and busemu decode FILE.",
+        ),
+    ] = None,
+    trace_size: Annotated[
+        float,
+        typer.Option(metavar="MB", help="FILE and FILE.1, the older half, take no more than this."),
+    ] = 64.0,
 ) -> None:
     """Open a virtual serial port and be the robot's servos on it, until Ctrl-C.
 
@@ -124,6 +139,7 @@ def serve_command(
         makers = plants()
         if plant not in makers:
             fail(f"no plant named {plant!r}: use one of {', '.join(makers)}")
+        tracing = Tracing(trace, trace_size, described, profile.name) if trace else None
         port = _open(described, link, tcp, device)
     except USER_ERRORS as error:
         fail(error)
@@ -143,12 +159,16 @@ def serve_command(
         typer.echo(f"port {port.path}" + (f" (also {link})" if link else ""))
         typer.echo(f"try: {_suggestion(robot, port, link)}")
         sys.stdout.flush()
+        line = bus if device is None else UartLine(bus)
+        if tracing is not None:
+            tracing.join(bus)
         serve(
-            port,
-            bus if device is None else UartLine(bus),
+            TracedPort(port, tracing.log) if tracing else port,
+            line,
             tell=_Teller(bus),
             observe=observation.row if observation else None,
             observe_every_s=OBSERVE_EVERY_S,
+            idle=tracing.idle if tracing else None,
         )
     except USER_ERRORS as error:
         fail(error)
@@ -158,6 +178,8 @@ def serve_command(
         typer.echo("\nstopped")
     finally:
         port.close()
+        if tracing is not None:
+            tracing.close()
         if observation is not None:
             observation.close()
 

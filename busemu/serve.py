@@ -78,13 +78,15 @@ def serve(
     tell: Callable[[ServerState], None] | None = None,
     observe_every_s: float = 0.0,
     observe: Callable[[float], None] | None = None,
+    idle: Callable[[float], None] | None = None,
 ) -> None:
     """Serve ``bus`` on ``port`` in wall-clock time, until an exception ends it.
 
     That is Ctrl-C, or what the port raises when it is lost.
 
     ``tell`` is called about every ``every_s`` and ``observe`` every ``observe_every_s`` [s], never
-    while a reply is due.
+    while a reply is due. ``idle`` is called with the time [s] whenever nothing else is to be done,
+    and no reply is due within ``GUARD_S``; it has to be quicker than that.
     """
     now_s = time.monotonic()
     state = ServerState(now_s)
@@ -122,14 +124,14 @@ def serve(
             port.unlock()
             unlock_s = now_s + UNLOCK_EVERY_S
         else:
+            reply_s = bus.next_reply_s()
+            if idle is not None and (reply_s is None or reply_s - time.monotonic() > GUARD_S):
+                idle(now_s)
             due_s = bus.next_deadline_s()
             if bus.next_reply_s() is not None:
                 due_s = min(due_s, now_s + GUARD_S)
             idle_s = max(0.0, min(IDLE_S, due_s - time.monotonic()))
-            if listening:
-                port.wait(idle_s)
-            else:
-                time.sleep(idle_s)
+            (port.wait if listening else time.sleep)(idle_s)
 
 
 def _wait_until(instant_s: float) -> None:
