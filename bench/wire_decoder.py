@@ -14,9 +14,8 @@ packet answers the first open read of its sender that has its length, and those 
 lost. A host that sends again has given up on what it waited for, unless it did so within
 ``PIPELINE_S``. An adapter that hears itself gives instructions back, which are known and left out.
 
-**Registers.** Bytes are cut into the registers of the servo's control table. Bytes that are no
-whole register, or of a servo that is not in the robot's file, are kept one by one under the
-namespace ``wire``: ``wire/servo_7/byte_90``.
+**Registers.** Bytes are cut into registers by :mod:`bench.wire_registers`, which also says what
+becomes of bytes that are none.
 
 Not decoded: the sync read that a USB2AX adapter carries out by itself.
 """
@@ -44,6 +43,8 @@ from busemu.protocol import (
 from busemu.tables import ControlTable
 from hal.access import Access
 
+from .wire_registers import WireRegisters
+
 #: A host that sends again so soon [s] has not given up on the reply it waits for. Assumed: every
 #: client known waits for many milliseconds at least.
 PIPELINE_S = 0.002
@@ -51,8 +52,6 @@ PIPELINE_S = 0.002
 #: servos less, but an adapter's own pauses come on top.
 PAUSE_S = 0.1
 
-#: Row's servo ID, register, first byte, number of bytes.
-Field = tuple[int, str, int, int]
 _FAST: Mapping[int, int] = MappingProxyType(
     {
         Instruction.FAST_SYNC_READ: Instruction.SYNC_READ,
@@ -107,7 +106,7 @@ class WireDecoder:
         self._open: deque[_OpenRead] = deque()
         self._registered: dict[int, tuple[int, bytes]] = {}
         self._echo: InstructionPacket | None = None
-        self._fields: dict[tuple[int, int, int], tuple[Field, ...]] = {}
+        self._layout = WireRegisters(tables)
 
     def sent(self, data: bytes, t_s: float) -> None:
         """Bytes that had left the host at ``t_s`` [s]."""
@@ -251,34 +250,9 @@ class WireDecoder:
         for item in read.items:
             self._lose(read, item)
 
-    # -- registers -----------------------------------------------------------------------------
-
     def _tell(self, access: Access) -> None:
         self.counts.rows += 1
         self._on_access(access)
-
-    def _layout(self, servo_id: int, address: int, length: int) -> tuple[Field, ...]:
-        """Cut a run of bytes into registers; what is none, into single bytes."""
-        key = (servo_id, address, length)
-        fields = self._fields.get(key)
-        if fields is None:
-            fields = self._fields[key] = tuple(self._cut(servo_id, address, address + length))
-        return fields
-
-    def _cut(self, servo_id: int, address: int, end: int) -> list[Field]:
-        table = self._tables.get(servo_id)
-        by_address = {r.address: r for r in table.registers} if table is not None else {}
-        fields: list[Field] = []
-        at = address
-        while at < end:
-            register = by_address.get(at)
-            if register is not None and at + register.size <= end:
-                fields.append((servo_id, register.name, at - address, register.size))
-                at += register.size
-            else:
-                fields.append((0, f"wire/servo_{servo_id}/byte_{at}", at - address, 1))
-                at += 1
-        return fields
 
 
 def _answers(read: _OpenRead, packet: StatusPacket) -> list[tuple[int, bytes]]:
