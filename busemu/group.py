@@ -23,6 +23,11 @@ class GroupRead:
     instruction: int
     items: tuple[tuple[int, int, int], ...]
 
+    @property
+    def fast(self) -> bool:
+        """Whether all servos answer in one packet."""
+        return self.instruction in (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
+
 
 def group_writes(packet: InstructionPacket, protocol: float) -> list[Write] | None:
     """The writes of a sync or bulk write; ``None`` where the packet is neither."""
@@ -54,25 +59,33 @@ def group_writes(packet: InstructionPacket, protocol: float) -> list[Write] | No
 
 
 def group_read(packet: InstructionPacket, protocol: float) -> GroupRead | None:
-    """The reads of a sync or bulk read of Protocol 2.0; ``None`` where the packet is neither."""
-    if packet.servo_id != BROADCAST_ID or protocol != 2.0:
+    """The reads of a sync or bulk read; ``None`` where the packet is neither.
+
+    Protocol 1.0 has only the bulk read (of the MX models): a zero, then length, ID and address of
+    each. A bulk read of Protocol 2.0 is ID, address and length of each.
+    """
+    parameters, instruction = packet.parameters, packet.instruction
+    if packet.servo_id != BROADCAST_ID:
         return None
-    parameters = packet.parameters
-    if packet.instruction == Instruction.SYNC_READ:
+    items: list[tuple[int, int, int]] = []
+    if protocol == 1.0:
+        if instruction != Instruction.BULK_READ:
+            return None
+        if parameters[:1] == b"\x00" and len(parameters) % 3 == 1:
+            triples = zip(parameters[1::3], parameters[2::3], parameters[3::3], strict=True)
+            items = [(servo_id, address, length) for length, servo_id, address in triples]
+    elif instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
         address, length = _pair(parameters, 2)
-        items = tuple((servo_id, address, length) for servo_id in parameters[4:])
-        return GroupRead(packet.instruction, items)
-    if packet.instruction == Instruction.BULK_READ:
-        if len(parameters) % 5:
-            return GroupRead(packet.instruction, ())
-        return GroupRead(
-            packet.instruction,
-            tuple(
+        items = [(servo_id, address, length) for servo_id in parameters[4:]]
+    elif instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
+        if len(parameters) % 5 == 0:
+            items = [
                 (parameters[at], *_pair(parameters[at + 1 :], 2))
                 for at in range(0, len(parameters), 5)
-            ),
-        )
-    return None
+            ]
+    else:
+        return None
+    return GroupRead(instruction, tuple(items))
 
 
 def _pair(parameters: bytes, width: int) -> tuple[int, int]:
