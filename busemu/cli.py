@@ -21,7 +21,16 @@ from .ports.port import Port
 from .ports.pty import LinkError, PtyPort
 from .ports.tcp import TcpError, TcpPort
 from .serve import ServerState, prepare_process, serve
-from .tables import Robot, RobotError, TableError, load_robot, robots
+from .tables import (
+    Robot,
+    RobotError,
+    TableError,
+    load_robot,
+    load_table,
+    models,
+    robots,
+    table_markdown,
+)
 from .timing import ProfileError, load_profile, profiles
 from .traceline import TraceError
 from .tracing import TracedPort, Tracing
@@ -31,6 +40,7 @@ OBSERVE_EVERY_S = 0.02
 
 #: Errors that are the user's to mend: one line, exit code 1.
 USER_ERRORS = (
+    Robot,
     RobotError,
     TableError,
     ProfileError,
@@ -206,6 +216,23 @@ def _suggestion(robot: str, port: Port, link: Path | None) -> str:
     if isinstance(port, SerialDevice):
         return f"the control board's program, at {port.baud_rate()} baud"
     return f"busemu walk --robot {robot} --port {link or port.path}"
+
+
+@app.command("tables")
+def tables_command(
+    model: Annotated[
+        str | None,
+        typer.Argument(help="A servo model (XM430-W350) or the path of a table (.toml)."),
+    ] = None,
+) -> None:
+    """Print the control table of a servo model as Markdown, or the list of models."""
+    if model is None:
+        typer.echo("\n".join(models()))
+        return
+    try:
+        typer.echo(table_markdown(load_table(model)), nl=False)
+    except TableError as error:
+        fail(error)
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:
