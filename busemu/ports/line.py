@@ -61,6 +61,7 @@ class UartLine:
         self._due: deque[tuple[float, bytes]] = deque()  #: replies: first bit [s], bytes
         self._echoes: deque[bytes] = deque()  #: replies sent since the last instruction
         self._sent_until_s = 0.0  #: when the last of them is over on the wire
+        self._listener = bus.on_wire
         bus.on_wire = self._note
 
     @property
@@ -118,6 +119,8 @@ class UartLine:
 
     def _note(self, event: WireEvent) -> None:
         """Take a reply from the bus's account of its wire; what was heard is there as well."""
+        if self._listener is not None:
+            self._listener(event)
         if self._hearing or event.kind not in (WireEventKind.STATUS, WireEventKind.COLLISION):
             return
         index = len(self._due)

@@ -1,0 +1,112 @@
+"""Real `busemu` commands in processes of their own, and clients for what they serve."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import dynamixel_sdk
+
+#: The longest any wait below may last [s]; it ends a test that fails, none that passes.
+PATIENCE_S = 20.0
+OK, TIMEOUT = 0, -3001
+IDS = list(range(1, 19))
+
+
+class Program:
+    """`busemu` with words of the test; ready once it has said what to try on its port."""
+
+    def __init__(self, *words: object) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "busemu", *map(str, words)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        self.said = ""
+        until(lambda: self.hear() and re.search(r"^try: .*\n", self.said, re.MULTILINE))
+        self.path = re.search(r"^port (\S+)", self.said, re.MULTILINE)[1]
+
+    def hear(self) -> bool:
+        """Take in what it has said since."""
+        if select.select([self.process.stdout], [], [], 0.01)[0]:
+            text = os.read(self.process.stdout.fileno(), 65536).decode()
+            assert text, self.said
+            self.said += text
+        return True
+
+    def end(self, number: int | None = signal.SIGINT) -> tuple[int, str]:
+        """End it with a signal, or wait for its end; its exit code and all that it said."""
+        if number is not None:
+            self.process.send_signal(number)
+        rest = self.process.communicate(timeout=PATIENCE_S)[0].decode()
+        self.said += rest
+        return self.process.returncode, self.said
+
+
+@contextmanager
+def running(*words: object) -> Iterator[Program]:
+    program = Program(*words)
+    try:
+        yield program
+    finally:
+        if program.process.poll() is None:
+            program.process.kill()
+            program.process.communicate()
+
+
+def serving(*words: object) -> Any:
+    return running("serve", "--plant", "ideal", *words)
+
+
+def until(condition: Callable[[], object]) -> None:
+    """Return once ``condition()`` is true; fail when that takes unreasonably long."""
+    end_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end_s, "waited in vain"
+        time.sleep(0.005)
+
+
+@contextmanager
+def sdk(path: str, protocol: float, baud_rate: int = 1_000_000) -> Iterator[tuple[Any, Any]]:
+    """The official SDK on a serial port: its port, and the packet handler of a protocol."""
+    port = dynamixel_sdk.PortHandler(path)
+    port.baudrate = baud_rate
+    assert port.openPort()
+    try:
+        yield port, dynamixel_sdk.PacketHandler(protocol)
+    finally:
+        port.closePort()
+
+
+def patiently(attempt: Callable[[], int]) -> int:
+    """The result of an exchange; a busy machine may cost a few of them their timeout."""
+    for _ in range(5):
+        result = attempt()
+        if result == OK:
+            break
+    return result
+
+
+def refused(*words: object) -> str:
+    """The one line of a command that is refused."""
+    ran = subprocess.run(
+        [sys.executable, "-m", "busemu", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert ran.returncode == 1, ran.stdout + ran.stderr
+    assert ran.stdout == ""
+    (line,) = ran.stderr.splitlines()
+    assert line.startswith("busemu: ")
+    return line
