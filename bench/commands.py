@@ -241,6 +241,75 @@ class RenewedLine:
         os.write(sys.stdout.fileno(), f"{self._start}{line}{self._end}".encode())
 
 
+def timing(
+    robot: RobotOption,
+    port: Annotated[
+        str | None, typer.Option(help="Serial port: /dev/ttyUSB0, /dev/pts/N, or a link.")
+    ] = None,
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="No port: the model itself, in virtual time.")
+    ] = False,
+    profile: Annotated[
+        str | None,
+        typer.Option(
+            "--timing", help="Profile of the model to compare with. Default: the robot's."
+        ),
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="How often each transaction is timed.")] = 100,
+    out: Annotated[
+        Path | None, typer.Option(help="Write timing.csv, times.csv and timing.png here.")
+    ] = None,
+    vary_return_delay: Annotated[
+        bool,
+        typer.Option(
+            "--vary-return-delay",
+            help="Time at return delays 0 and 250. Writes the servos' EEPROM and puts back what "
+            "was there, also after Ctrl-C.",
+        ),
+    ] = False,
+    fit: Annotated[
+        Path | None, typer.Option(help="Fit a timing profile and write it here (.toml).")
+    ] = None,
+) -> None:
+    """Time every kind of transaction on a bus, real or emulated; fit a timing profile to it.
+
+    Nothing moves. On a real robot, with what can be told apart safely:
+
+        busemu timing --robot marvin --port /dev/ttyUSB0 --vary-return-delay --fit mine.toml
+    """
+    from hal.bus_errors import BusError
+
+    from .calibration import CalibrationError
+    from .return_delays import ReturnDelayError
+    from .timing_run import Wanted, run_timing
+
+    if (port is None) is not virtual:
+        fail("give either --port PATH or --virtual")
+    if repeats < 1:
+        fail(f"--repeats must be at least 1, not {repeats}")
+    if fit is not None and fit.suffix != ".toml":
+        fail(f"--fit {fit}: a profile is a .toml file")
+    try:
+        described = load_robot(robot)
+        model = load_profile(profile or described.timing)
+        wanted = Wanted(described, model, port, repeats, vary_return_delay, out, fit)
+        run_timing(wanted, typer.echo)
+    except (
+        RobotError,
+        TableError,
+        ProfileError,
+        BusError,
+        CalibrationError,
+        ReturnDelayError,
+    ) as error:
+        fail(" ".join([str(error), *getattr(error, "__notes__", [])]))
+    except OSError as error:
+        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
+    except KeyboardInterrupt:
+        typer.echo("interrupted; the servos are as they were")
+        raise typer.Exit(130) from None
+
+
 def _session(robot: Robot, port: str | None, plant: str) -> AbstractContextManager[Session]:
     from .running import in_process, on_port
 

@@ -1,0 +1,161 @@
+"""What a timed bus leaves behind: a table to read, CSV, a picture, a fitted profile."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from busemu.tables import Robot
+from busemu.timing import Profile
+
+from .calibration import HELD_BACK, INTERRUPT, Fit
+from .figures.style import save
+from .figures.tables import aligned
+from .figures.timing import TimingRow, timing_figure
+from .probes import Kind, Timing
+
+Floats = NDArray[np.float64]
+MS = 1e3
+COLUMNS = (
+    "transaction", "kind", "servos", "data_bytes", "baud_rate", "return_delay_time", "repeats",
+    "median_s", "p5_s", "p95_s", "modelled_s",
+)  # fmt: skip
+
+
+def timing_table(timings: Sequence[Timing], modelled_s: Floats | None, model: str) -> str:
+    """The distributions as aligned text, [ms]; ``modelled_s`` has shape (timings,)."""
+    several = len({timing.condition for timing in timings}) > 1
+    columns = ["transaction", "median [ms]", "5 % - 95 % [ms]"]
+    columns[1:1] = ["return delay"] if several else []
+    columns += [] if modelled_s is None else [f"{model} [ms]", "differs by"]
+    rows = []
+    for index, timing in enumerate(timings):
+        low, high = (value * MS for value in timing.span_s)
+        row = [timing.probe.what, f"{timing.median_s * MS:.3f}", f"{low:.3f} - {high:.3f}"]
+        row[1:1] = [timing.condition.return_delay] if several else []
+        if modelled_s is not None:
+            off = float(modelled_s[index]) / timing.median_s - 1.0 if timing.median_s else 0.0
+            row += [f"{modelled_s[index] * MS:.3f}", f"{off * 100 + 0.0:+.1f} %"]
+        rows.append(row)
+    return aligned(columns, rows)
+
+
+def write_report(
+    folder: Path, robot: Robot, timings: Sequence[Timing], modelled_s: Floats | None
+) -> list[Path]:
+    """Write ``timing.csv``, ``times.csv`` (every single one) and ``timing.png`` into ``folder``.
+
+    Raises ``OSError`` if it cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    modelled = [None] * len(timings) if modelled_s is None else [float(s) for s in modelled_s]
+    summary, single, picture = (folder / n for n in ("timing.csv", "times.csv", "timing.png"))
+    with summary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for timing, model_s in zip(timings, modelled, strict=True):
+            low, high = timing.span_s
+            writer.writerow(
+                [*_key(timing), len(timing.times_s)]
+                + [f"{value:.9f}" for value in (timing.median_s, low, high)]
+                + ["" if model_s is None else f"{model_s:.9f}"]
+            )
+    with single.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([*COLUMNS[:6], "repeat", "time_s"])
+        for timing in timings:
+            for repeat, time_s in enumerate(timing.times_s):
+                writer.writerow([*_key(timing), repeat, f"{time_s:.9f}"])
+    several = len({timing.condition for timing in timings}) > 1
+    rows = [
+        TimingRow(
+            timing.probe.what
+            + (f" (return delay {timing.condition.return_delay})" if several else ""),
+            timing.times_s,
+            model_s,
+        )
+        for timing, model_s in zip(timings, modelled, strict=True)
+    ]
+    save(timing_figure(rows, title=f"{robot.name}: time a transaction takes"), picture)
+    return [summary, single, picture]
+
+
+def _key(timing: Timing) -> list[object]:
+    probe, condition = timing.probe, timing.condition
+    return [
+        probe.what, probe.kind.name.lower(), probe.servos, probe.data_bytes,
+        condition.baud_rate, condition.return_delay,
+    ]  # fmt: skip
+
+
+def cycle_lines(timings: Sequence[Timing]) -> list[str]:
+    """The robot's control cycle, a line a condition."""
+    return [
+        f"return delay {timing.condition.return_delay}: {timing.probe.what}: "
+        f"median {timing.median_s * MS:.2f} ms, at most {1.0 / timing.median_s:.0f} a second"
+        for timing in timings
+        if timing.probe.kind is Kind.CYCLE
+    ]
+
+
+def describe_fit(fit: Fit) -> list[str]:
+    """What is known about a fit, a line a fact."""
+    lines = ["determined by the data:"]
+    lines += [f"  {part}" for part in fit.determined]
+    if fit.sums:
+        lines += ["determined only as sums (how they divide is not in the data):"]
+        lines += [f"  {total}" for total in fit.sums]
+    unseen = [part for part in fit.unseen if part != "latency_timer_s"]
+    if fit.profile.latency_timer_s == 0.0:
+        lines.append("no latency timer: without one the model fits better than with any")
+    if unseen:
+        lines.append(f"not in the data at all: {', '.join(unseen)}")
+    used, held_back = fit.worst(held_back=False), fit.worst(held_back=True)
+    lines.append(
+        f"largest error: {used * 100:.1f} % of what was fitted, {held_back * 100:.1f} % of what "
+        f"was held back ({', '.join(sorted(kind.value for kind in _held_back(fit)))})"
+    )
+    return lines
+
+
+def _held_back(fit: Fit) -> set[Kind]:
+    return {timing.probe.kind for timing in fit.timings} & HELD_BACK
+
+
+def write_profile(fit: Fit, path: Path) -> None:
+    """Write the fitted profile as a file for ``--timing``. Raises ``OSError``."""
+    default = Profile(name=path.stem)
+    lines = [f"# {line}" for line in describe_fit(fit)]
+    lines += [f'source = "{_escaped(fit.profile.source)}"']
+    notes = _notes(fit)
+    for field in fields(Profile):
+        value = getattr(fit.profile, field.name)
+        if field.name in ("name", "source") or value == getattr(default, field.name):
+            continue
+        shown = f"{value:.9g}" if isinstance(value, float) else f"{value}"
+        note = notes.get(field.name, "")
+        lines.append(f"{field.name} = {shown}" + (f"  # {note}" if note else ""))
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def _notes(fit: Fit) -> dict[str, str]:
+    """A remark on each key of the profile that needs one."""
+    notes = {"chunk_bytes": "assumed: an FTDI adapter at full speed"}
+    notes |= {part.terms[0][1]: "fitted" for part in fit.determined}
+    for total in fit.sums:
+        words = str(total).partition(" = ")[0]
+        notes |= {part: f"fitted as {words}" for _, part in total.terms}
+    notes |= dict.fromkeys(fit.unseen, "assumed: not in the data")
+    if INTERRUPT in notes:
+        notes["interrupt_busy_s"] = f"{notes.pop(INTERRUPT)}; only its mean wait counts"
+        notes["interrupt_period_s"] = "assumed: the AX-12's"
+    return notes
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"')
