@@ -40,7 +40,6 @@ OBSERVE_EVERY_S = 0.02
 
 #: Errors that are the user's to mend: one line, exit code 1.
 USER_ERRORS = (
-    Robot,
     RobotError,
     TableError,
     ProfileError,

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from .traceline import Entry, Header, TraceError, is_trace, parse_line
+from .traceline import START, Entry, Header, TraceError, is_trace, parse_line
 
 #: A follower reads so much at once [bytes], so that it can be asked for other things in between.
 CHUNK = 1 << 20
+NO_TRACE = "{}: no trace: its first line is not that of busemu serve --trace"
 
 
 def read_trace(path: Path) -> Iterator[Entry | None]:
@@ -26,14 +27,19 @@ def read_trace(path: Path) -> Iterator[Entry | None]:
     """
     try:
         with path.open("rb") as file:
-            if not is_trace(file.read(64)):
-                raise TraceError(f"{path}: no trace: its first line is not that of busemu serve")
+            if not is_trace(file.read(len(START))):
+                raise TraceError(NO_TRACE.format(path))
             file.seek(0)
-            for line in file:
-                if line.strip() and line.endswith(b"\n"):
-                    yield parse_line(line.decode("utf-8", "replace"))
+            yield from read_lines(file)
     except OSError as error:
         raise TraceError(f"{path}: {error.strerror}") from None
+
+
+def read_lines(lines: Iterable[bytes]) -> Iterator[Entry | None]:
+    """The entries that the lines of a trace mean, as :func:`read_trace` gives them."""
+    for line in lines:
+        if line.strip() and line.endswith(b"\n"):
+            yield parse_line(line.decode("utf-8", "replace"))
 
 
 class Follower:
@@ -81,13 +87,13 @@ class Follower:
             file = self.path.open("rb")
         except FileNotFoundError:
             return []
-        start = file.read(64)
+        start = file.read(len(START))
         if not start:  # made and not yet written
             file.close()
             return []
         if not is_trace(start):
             file.close()
-            raise TraceError(f"{self.path}: no trace: its first line is not that of busemu serve")
+            raise TraceError(NO_TRACE.format(self.path))
         self._file, self._rest = file, b""
         file.seek(0)
         tail_bytes, self._tail_bytes = self._tail_bytes, None

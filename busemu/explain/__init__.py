@@ -8,12 +8,13 @@
 `registers` what a packet asks or says, `explainer` puts it together, `text` lays it out.
 """
 
-from .explainer import Explainer, Explanation
+from .explainer import COLLIDED, Explainer, Explanation
 from .parameters import Field, instruction_name
 from .registers import Tables, Value, value_text
 from .text import Line, brief, long
 
 __all__ = [
+    "COLLIDED",
     "Explainer",
     "Explanation",
     "Field",

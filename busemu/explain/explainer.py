@@ -6,7 +6,7 @@ its bytes are. In Protocol 1.0 it does not even say that it is a status packet.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..protocol import (
     BROADCAST_ID,
@@ -22,6 +22,8 @@ from .parameters import Field, instruction_name, layout_fits, tell
 from .registers import Tables, Value, values
 from .split import Stretch, split
 
+#: The fault of a packet that met others.
+COLLIDED = "collision: it met other bytes on the wire"
 _GROUP = frozenset(
     {
         Instruction.SYNC_READ,
@@ -40,7 +42,8 @@ class Explanation:
 
     `kind` is instruction, status or noise. `faults` say what is wrong with the packet itself;
     `notes` what is odd about what it asks or says. `error` is the error byte of a status packet.
-    `values` are registers written by an instruction or read by a status packet.
+    `values` are registers written by an instruction or read by a status packet. `due` are the IDs
+    that have to answer a ping or a read.
     """
 
     data: bytes
@@ -54,6 +57,7 @@ class Explanation:
     instruction: int | None = None
     error: int | None = None
     values: tuple[Value, ...] = ()
+    due: tuple[int, ...] = ()
 
     @property
     def bad(self) -> bool:
@@ -82,7 +86,10 @@ class Explainer:
 
         `kind` tells who sent them, where that is known; else Protocol 1.0 packets are guessed.
         """
-        return [self._stretch(each, kind) for each in split(data, self.protocol)]
+        found = [self._stretch(each, kind) for each in split(data, self.protocol)]
+        if kind is WireEventKind.COLLISION:
+            found = [replace(each, faults=(*each.faults, COLLIDED)) for each in found]
+        return found
 
     def _stretch(self, stretch: Stretch, kind: WireEventKind | None) -> Explanation:
         if stretch.protocol is None:
@@ -144,7 +151,15 @@ class Explainer:
             servo_id,
             number,
             values=tuple(told.writes),
+            due=self._answering(number, servo_id),
         )
+
+    def _answering(self, number: int, servo_id: int) -> tuple[int, ...]:
+        if number == Instruction.PING and servo_id != BROADCAST_ID:
+            return (servo_id,)
+        if number in (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ):
+            return (BROADCAST_ID,)
+        return tuple(self._order)
 
     # -- status packets ------------------------------------------------------------------------
 

@@ -16,6 +16,8 @@ Line = tuple[tuple[str, str], ...]
 #: Bytes of hex on one line.
 ROW = 8
 _WIDTH = 3 * ROW - 1
+#: How a terminal that has colours shows each style.
+STYLES = {"title": "bold", "bad": "bold red", "note": "bright_black", "hex": "cyan", "plain": ""}
 
 
 def long(explanation: Explanation) -> Iterator[Line]:
