@@ -32,7 +32,11 @@ class Program:
             start_new_session=True,
         )
         self.said = ""
-        until(lambda: self.hear() and re.search(r"^try: .*\n", self.said, re.MULTILINE))
+        try:
+            until(lambda: self.hear() and re.search(r"^try: .*\n", self.said, re.MULTILINE))
+        except AssertionError:
+            self.kill()
+            raise
         self.path = re.search(r"^port (\S+)", self.said, re.MULTILINE)[1]
 
     def hear(self) -> bool:
@@ -42,6 +46,10 @@ class Program:
             assert text, self.said
             self.said += text
         return True
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.communicate()
 
     def end(self, number: int | None = signal.SIGINT) -> tuple[int, str]:
         """End it with a signal, or wait for its end; its exit code and all that it said."""
@@ -59,8 +67,7 @@ def running(*words: object) -> Iterator[Program]:
         yield program
     finally:
         if program.process.poll() is None:
-            program.process.kill()
-            program.process.communicate()
+            program.kill()
 
 
 def serving(*words: object) -> Any:
