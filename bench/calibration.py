@@ -56,6 +56,10 @@ TURNAROUND_S = 20e-6
 #: Step of the numerical derivatives [s], and how many steps of least squares are tried at most.
 STEP_S = 1e-6
 STEPS = 12
+#: A step that changes no part by more than this is the last [s].
+DONE_S = 1e-8
+#: So many latency timers to begin from are followed to their end.
+FINALISTS = 2
 #: Derivatives below this, of times by parts, are none: they are whole or half numbers.
 FLAT = 1e-4
 
@@ -95,18 +99,21 @@ class Fit:
 
     @property
     def errors(self) -> Floats:
-        """(predicted - measured) / measured of each timing, shape (timings,)."""
-        measured = np.array([timing.median_s for timing in self.timings])
-        return np.asarray(self.predicted_s / measured - 1.0)
+        """(predicted - measured) / measured of each timing, shape (timings,).
 
-    def worst(self, *, held_back: bool) -> float:
-        """The largest relative error, of the timings used or of those held back; NaN for none."""
-        errors = [
-            abs(float(error))
-            for error, timing in zip(self.errors, self.timings, strict=True)
+        A time that was too short for the clock counts as one tick of it.
+        """
+        measured_s = np.array([timing.median_s for timing in self.timings])
+        return np.asarray((self.predicted_s - measured_s) / np.maximum(measured_s, CLOCK_S))
+
+    def worst(self, *, held_back: bool) -> int | None:
+        """Index of the timing with the largest relative error, among those used or held back."""
+        among = [
+            index
+            for index, timing in enumerate(self.timings)
             if (timing.probe.kind in HELD_BACK) is held_back
         ]
-        return max(errors, default=math.nan)
+        return max(among, key=lambda index: abs(float(self.errors[index])), default=None)
 
 
 def predict(robot: Robot, profile: Profile, wanted: Sequence[tuple[Probe, Condition]]) -> Floats:
@@ -117,7 +124,7 @@ def predict(robot: Robot, profile: Profile, wanted: Sequence[tuple[Probe, Condit
     times = {
         (timing.probe, condition): timing.median_s
         for condition, those in probes.items()
-        for timing in prober_in_process(robot, profile, condition).time(those, 1)
+        for timing in prober_in_process(robot, profile, condition, fixed=True).time(those, 1)
     }
     return np.array([times[pair] for pair in wanted])
 
@@ -146,8 +153,9 @@ def fit(robot: Robot, timings: Sequence[Timing], name: str, source: str) -> Fit:
     shortest_s = min(t.median_s for t in used if t.probe.kind is not Kind.HAND_OVER)
     problem = _Problem(robot, used)
     starts = [timer_s for timer_s in TIMERS_S if timer_s <= 1.2 * shortest_s]
-    found = [problem.descend(timer_s) for timer_s in starts]
-    parts = min(found, key=problem.cost)
+    tried = sorted((problem.descend(problem.start(s), 1) for s in starts), key=problem.cost)
+    finished = [problem.descend(parts, STEPS) for parts in tried[:FINALISTS]]
+    parts = problem.gathered(min(finished, key=problem.cost))
     slopes = problem.slopes(parts)
     determined, sums, unseen = _identify(parts, slopes / problem.sigma_s[:, None])
     fitted = profile_of(np.round(parts, 8), name, source)
@@ -187,35 +195,41 @@ class _Problem:
                 columns.append((self.times(moved) - here) / STEP_S)
         return np.column_stack(columns)
 
-    def descend(self, timer_s: float) -> Floats:
-        """The parts that fit best, found from a latency timer of ``timer_s`` [s]."""
+    def start(self, timer_s: float) -> Floats:
+        """Where to begin with a latency timer of ``timer_s`` [s]."""
         parts = np.zeros(len(PARTS))
         parts[TIMER] = timer_s
         parts[PARTS.index("turnaround_s")] = TURNAROUND_S
+        return parts
+
+    def descend(self, parts: Floats, steps: int) -> Floats:
+        """The parts after at most so many steps of linear least squares, none below zero."""
         cost = self.cost(parts)
-        for _ in range(STEPS):
+        for _ in range(steps):
             slopes = self.slopes(parts) / self.sigma_s[:, None]
             free = [pivot for pivot, _ in _reduced(slopes)]
             step = np.zeros_like(parts)
             step[free] = bounded_least_squares(slopes[:, free], self.residual(parts), -parts[free])
-            if timer_s and parts[TIMER] + step[TIMER] <= 0.0:
+            if parts[TIMER] and parts[TIMER] + step[TIMER] <= 0.0:
                 step[TIMER] = -parts[TIMER] / 2.0  # a timer stays one; none is another start
             length = 1.0
             while (trial := self.cost(parts + length * step)) > cost and length > 1e-3:
                 length /= 2.0
-            if trial >= cost * (1.0 - 1e-9):
+            if trial >= cost:
                 break
             parts, cost = np.maximum(parts + length * step, 0.0), trial
-        return self._gathered(parts, cost)
+            if np.abs(length * step).max() < DONE_S:
+                break
+        return parts
 
-    def _gathered(self, parts: Floats, cost: float) -> Floats:
+    def gathered(self, parts: Floats) -> Floats:
         """The same fit with each sum in one part, where no part would become negative."""
         slopes = self.slopes(parts)
         gathered = np.where(np.abs(slopes).max(axis=0) < FLAT, parts, 0.0)
         for pivot, row in _reduced(slopes / self.sigma_s[:, None]):
             gathered[pivot] = row @ parts
-        kept = gathered.min() >= 0.0 and self.cost(gathered) <= cost * (1.0 + 1e-6) + 1e-9
-        return gathered if kept else parts
+        limit = self.cost(parts) * (1.0 + 1e-6) + 1e-9
+        return gathered if gathered.min() >= 0.0 and self.cost(gathered) <= limit else parts
 
 
 def bounded_least_squares(matrix: Floats, wanted: Floats, lower: Floats) -> Floats:

@@ -157,9 +157,20 @@ def probes_of(robot: Robot) -> list[Probe]:
 
 
 class Prober:
-    """Times probes on one bus. The servos are those of ``robot``."""
+    """Times probes on one bus. The servos are those of ``robot``.
 
-    def __init__(self, robot: Robot, port: Port, clock: Clock, bus: Bus | None = None) -> None:
+    A prober asks the servos how they are set and what they hold, unless it is told (``condition``)
+    or can see for itself (``bus``).
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        port: Port,
+        clock: Clock,
+        bus: Bus | None = None,
+        condition: Condition | None = None,
+    ) -> None:
         self.robot = robot
         self.ids = [servo.servo_id for servo in robot.servos]
         tables = {servo_id: _windowed(table) for servo_id, table in robot.tables.items()}
@@ -167,10 +178,16 @@ class Prober:
         self.clock = clock
         self.bus = bus
         self._still = still_register(robot)
+        self._known = condition
         self._held: dict[int, int] = {}
+        if bus is not None:
+            servos = zip(self.ids, bus.servos, strict=True)
+            self._held = {servo_id: servo.memory[self._still] for servo_id, servo in servos}
 
     def condition(self) -> Condition:
         """Ask every servo for its return delay. Raises :class:`hal.bus_errors.BusError`."""
+        if self._known is not None:
+            return self._known
         delays = tuple(self.client.read(i, "return_delay_time") for i in self.ids)
         return Condition(self.robot.baud_rate, delays)
 
@@ -259,14 +276,20 @@ def prober_on_port(robot: Robot, path: str) -> Iterator[Prober]:
         port.closePort()
 
 
-def prober_in_process(robot: Robot, profile: Profile, condition: Condition | None = None) -> Prober:
-    """A prober of the model, in virtual time; the servos set to ``condition`` if it is given."""
+def prober_in_process(
+    robot: Robot, profile: Profile, condition: Condition | None = None, *, fixed: bool = False
+) -> Prober:
+    """A prober of the model, in virtual time; the servos set to ``condition`` if it is given.
+
+    With ``fixed``, nobody will change the condition, and it need not be asked for.
+    """
     if condition is not None:
         servos = tuple(
             replace(servo, registers={**servo.registers, "return_delay_time": delay})
             for servo, delay in zip(robot.servos, condition.return_delays, strict=True)
         )
         robot = replace(robot, baud_rate=condition.baud_rate, servos=servos)
+    known = condition if fixed else None
     clock = VirtualClock()
     bus = assemble(robot, ideal(robot), profile)
-    return Prober(robot, SdkPort(bus, clock), clock, bus)
+    return Prober(robot, SdkPort(bus, clock), clock, bus, known)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 from busemu.timing import Profile
 
-from .calibration import HELD_BACK, INTERRUPT, Fit
+from .calibration import INTERRUPT, Fit
 from .figures.style import save
 from .figures.tables import aligned
 from .figures.timing import TimingRow, timing_figure
@@ -115,16 +115,18 @@ def describe_fit(fit: Fit) -> list[str]:
         lines.append("no latency timer: without one the model fits better than with any")
     if unseen:
         lines.append(f"not in the data at all: {', '.join(unseen)}")
-    used, held_back = fit.worst(held_back=False), fit.worst(held_back=True)
-    lines.append(
-        f"largest error: {used * 100:.1f} % of what was fitted, {held_back * 100:.1f} % of what "
-        f"was held back ({', '.join(sorted(kind.value for kind in _held_back(fit)))})"
-    )
+    lines.append(f"worst of what was fitted: {_worst(fit, held_back=False)}")
+    lines.append(f"worst of what was held back: {_worst(fit, held_back=True)}")
     return lines
 
 
-def _held_back(fit: Fit) -> set[Kind]:
-    return {timing.probe.kind for timing in fit.timings} & HELD_BACK
+def _worst(fit: Fit, *, held_back: bool) -> str:
+    worst = fit.worst(held_back=held_back)
+    if worst is None:
+        return "nothing"
+    timing = fit.timings[worst]
+    error = float(fit.errors[worst])
+    return f"{error * 100:+.1f} % ({error * timing.median_s * 1e6:+.0f} us): {timing.probe.what}"
 
 
 def write_profile(fit: Fit, path: Path) -> None:
