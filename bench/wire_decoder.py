@@ -12,7 +12,8 @@ fast kinds), as its status packet comes, and with NaN if none came, or one witho
 **Which status belongs to which read.** Servos answer in the order they were asked, so a status
 packet answers the first open read of its sender that has its length, and those passed over are
 lost. A host that sends again has given up on what it waited for, unless it did so within
-``PIPELINE_S``. An adapter that hears itself gives instructions back, which are known and left out.
+``PIPELINE_S``; until then a late reply counts, even if the host had stopped listening. An adapter
+that hears itself gives instructions back, which are known and left out.
 
 **Registers.** Bytes are cut into registers by :mod:`bench.wire_registers`, which also says what
 becomes of bytes that are none.
@@ -25,8 +26,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from types import MappingProxyType
+from dataclasses import dataclass
 
 from busemu.group import GroupRead, group_read, group_writes
 from busemu.protocol import (
@@ -52,12 +52,6 @@ PIPELINE_S = 0.002
 #: servos less, but an adapter's own pauses come on top.
 PAUSE_S = 0.1
 
-_FAST: Mapping[int, int] = MappingProxyType(
-    {
-        Instruction.FAST_SYNC_READ: Instruction.SYNC_READ,
-        Instruction.FAST_BULK_READ: Instruction.BULK_READ,
-    }
-)
 _FORGETS = (Instruction.REBOOT, Instruction.FACTORY_RESET)
 
 
@@ -164,7 +158,7 @@ class WireDecoder:
         elif reads is not None:
             items = deque(item for item in reads.items if 0 < item[2] <= v2.MAX_LENGTH)
             if items:
-                self._open.append(_OpenRead(t_s, items, packet.instruction in _FAST))
+                self._open.append(_OpenRead(t_s, items, reads.fast))
         else:
             self._single(packet, t_s)
 
@@ -177,12 +171,7 @@ class WireDecoder:
                 return None
             address, length = _number(parameters[:width]), _number(parameters[width:])
             return GroupRead(kind, ((packet.servo_id, address, length),))
-        if self._protocol == 2.0:
-            return group_read(replace(packet, instruction=_FAST.get(kind, kind)), 2.0)
-        if kind == Instruction.BULK_READ and len(parameters) % 3 == 1:
-            rows = (parameters[at : at + 3] for at in range(1, len(parameters), 3))
-            return GroupRead(kind, tuple((row[1], row[2], row[0]) for row in rows))
-        return None
+        return group_read(packet, self._protocol)
 
     def _single(self, packet: InstructionPacket, t_s: float) -> None:
         kind, parameters = packet.instruction, packet.parameters

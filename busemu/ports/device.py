@@ -66,8 +66,6 @@ class SerialDevice:
     def _take(self) -> None:
         """Lock it, and switch off all that a terminal does with bytes; one byte wakes a reader."""
         descriptor = self._descriptor
-        if not os.isatty(descriptor):
-            raise OSError(errno.ENOTTY, "not a terminal")
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # what pyserial does, too
         tty.setraw(descriptor, termios.TCSANOW)
         mode = termios.tcgetattr(descriptor)

@@ -35,6 +35,7 @@ def servo_side(profile: Profile) -> Profile:
     """The profile without the parts that a real line brings along: host, USB, adapter, kernel."""
     return replace(
         profile,
+        name=f"{profile.name} (servos only)",
         host_out_s=0.0,
         host_in_s=0.0,
         usb_frame_s=0.0,

@@ -409,6 +409,9 @@ def test_bytes_that_are_no_register_are_kept_under_a_namespace(protocol: float) 
         (0, "read", f"wire/servo_1/byte_{byte}", 2),
         (1, "read", "moving_speed", 100),
     ]
+    speed = bench.table["moving_speed"].address
+    bench.send(1, Instruction.WRITE, bench.place("moving_speed"), b"\x07")
+    assert bench.seen() == [(0, "write", f"wire/servo_1/byte_{speed}", 7)]
     bench.send(9, Instruction.WRITE, bench.number(4), b"\x05\x06")
     assert bench.seen() == [
         (0, "write", "wire/servo_9/byte_4", 5),
