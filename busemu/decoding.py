@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 
 from rich.console import Console
@@ -15,7 +16,6 @@ from .explain.text import STYLES
 from .follow import read_lines, read_trace
 from .hextext import HexError, bytes_of_input, bytes_of_text
 from .traceline import START, Dropped, Entry, Header, Record, is_trace
-
 
 #: What stands above the packets of a trace; the columns are those of `_lead`.
 COLUMNS = "time of day       pause ms  late ms"
@@ -111,13 +111,19 @@ def sources(words: list[str]) -> Iterator[bytes | Iterator[Entry | None]]:
         data = sys.stdin.buffer.read()
         yield read_lines(data.splitlines(keepends=True)) if is_trace(data) else _content(data, "-")
     elif any(Path(word).exists() for word in words):
-        for word in words:
-            path = Path(word)
-            with path.open("rb") as file:
-                traced = is_trace(file.read(len(START)))
-            yield read_trace(path) if traced else _content(path.read_bytes(), word)
+        paths = [Path(word) for word in words]
+        if all(map(_is_trace, paths)):
+            yield chain.from_iterable(map(read_trace, paths))
+            return
+        for path in paths:
+            yield _content(path.read_bytes(), str(path))
     else:
         yield _content(bytes_of_text(" ".join(words)), "arguments")
+
+
+def _is_trace(path: Path) -> bool:
+    with path.open("rb") as file:
+        return is_trace(file.read(len(START)))
 
 
 def _content(data: bytes, name: str) -> bytes:

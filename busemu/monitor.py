@@ -16,6 +16,7 @@ from rich.text import Text
 
 from .explain import Line, brief
 from .explain.text import STYLES
+from .protocol import BROADCAST_ID
 from .tally import Packet, Tally
 
 #: Lines of packets that are kept for the screen.
@@ -23,7 +24,7 @@ KEPT = 400
 #: Bars of the timing.
 BINS = 6
 #: A live view narrower than this [columns] has its parts below one another.
-WIDE = 110
+WIDE = 120
 BORDER = "bright_black"
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
@@ -57,8 +58,7 @@ class Monitor:
         silent = sum(servo.silent for servo in tally.servos.values())
         refused = sum(servo.errors for servo in tally.servos.values())
         text = Text.assemble(
-            (header.robot, "bold"),
-            f"  Protocol {header.protocol}, {header.baud_rate} bit/s, {header.timing}  ",
+            (f"{header.robot}  ", "bold"),
             (f"{tally.rate('all', now_s):.0f} instructions/s", "bold cyan"),
             f"  {tally.instructions.total()} in {tally.now_s - header.clock_s:.0f} s  ",
         )
@@ -69,6 +69,7 @@ class Monitor:
             (tally.dropped, "not in the trace"),
         ):
             text.append(f"{count} {what}  ", "bold red" if count else "green")
+        text.append(f"Protocol {header.protocol}, {header.baud_rate} bit/s, {header.timing}")
         return text
 
     def instructions(self, now_s: float) -> Table:
@@ -78,17 +79,26 @@ class Monitor:
             table.add_row(name, f"{self.tally.rate(name, now_s):.1f}", str(count))
         return table
 
-    def servos(self, now_s: float) -> Table:
-        """Replies and errors by servo."""
-        table = _table("servo", "replies/s", "replies", "with error", "silent")
-        for servo_id, servo in sorted(self.tally.servos.items()):
+    def servos(self, now_s: float, limit: int = 254) -> Table:
+        """Replies and errors by servo, `limit` lines at most; then those with trouble come first.
+
+        Mute is a read that the servo did not answer.
+        """
+        table = _table("servo", "per s", "replies", "errors", "mute")
+        servos = sorted(self.tally.servos.items())
+        hidden = len(servos) - limit + 1 if len(servos) > limit else 0
+        if hidden:
+            servos.sort(key=lambda item: not (item[1].errors or item[1].silent))
+        for servo_id, servo in servos[: len(servos) - hidden]:
             table.add_row(
-                "fast read" if servo_id == 254 else str(servo_id),
+                "fast" if servo_id == BROADCAST_ID else str(servo_id),
                 f"{self.tally.rate(f'servo {servo_id}', now_s):.1f}",
                 str(servo.replies),
                 Text(str(servo.errors), "bold red" if servo.errors else ""),
                 Text(str(servo.silent), "bold red" if servo.silent else ""),
             )
+        if hidden:
+            table.add_row(Text(f"+ {hidden}", BORDER))
         return table
 
     def faults(self) -> Table:
@@ -105,17 +115,17 @@ class Monitor:
         return min(self.tally.registers, default=None)
 
     def registers(self) -> Table:
-        """The registers of one servo as last seen on the wire."""
-        table = _table("address", "register", "value", "raw", "seen", "s ago", right=(0, 3, 5))
+        """The registers of one servo as last seen on the wire: > written, < read."""
+        table = _table("addr", "", "register", "value", "s ago", right=(0, 4))
         servo_id = self.shown_servo()
-        for address, latest in (
-            self.tally.values(servo_id) if servo_id is not None else {}
-        ).items():
-            raw = latest.value.data[::-1].hex().upper()
-            age_s = self.tally.now_s - latest.at_s
-            how = Text("written", "yellow") if latest.written else Text("read")
+        known = self.tally.values(servo_id) if servo_id is not None else {}
+        for address, latest in known.items():
             table.add_row(
-                str(address), latest.value.name, latest.value.text, raw, how, f"{age_s:.1f}"
+                str(address),
+                Text(">", "yellow") if latest.written else Text("<"),
+                latest.value.name,
+                latest.value.text,
+                f"{self.tally.now_s - latest.at_s:.1f}",
             )
         return table
 
@@ -169,33 +179,36 @@ class Monitor:
 
     def screen(self, now_s: float, width: int, height: int) -> Layout:
         """Everything, for a terminal of so many columns and lines."""
-        packets = Layout(_panel("packets", _Newest(self.lines)), ratio=1)
-        instructions = _panel("instructions", self.instructions(now_s))
-        servos = _panel("servos", self.servos(now_s))
+        few = len(self.tally.instructions) + (len(self.tally.faults) + 1 if self.tally.bad else 0)
+        short, third = min(few + 3, height // 3), height // 3
+        wide = width >= WIDE
+        room = height - 1 - short
+        rows = (min(len(self.tally.servos) + 3, room - room // 3) if wide else third) - 3
+        counts: RenderableType = self.instructions(now_s)
         if self.tally.bad:
-            instructions = _panel("instructions", Group(self.instructions(now_s), self.faults()))
+            counts = Group(counts, self.faults())
+        packets = Layout(_panel("packets", _Newest(self.lines)), ratio=1)
+        instructions = _panel("instructions", counts)
+        servos = _panel("servos", self.servos(now_s, rows))
         registers = _panel(f"registers of servo {self.shown_servo()}", self.registers())
         timing = Layout(_panel("from instruction to answer", self.timing()), size=BINS + 4)
-        few = len(self.tally.instructions) + (len(self.tally.faults) + 1 if self.tally.bad else 0)
-        head = Layout(self.head(now_s), size=1)
-        body = Layout(ratio=1)
-        whole = Layout()
-        whole.split_column(head, body)
-        if width >= WIDE:
+        head = self.head(now_s)
+        head.no_wrap, head.overflow = True, "ellipsis"
+        body, below, whole = Layout(ratio=1), Layout(size=third), Layout()
+        whole.split_column(Layout(head, size=1), body)
+        if wide:
             left, right = Layout(ratio=3), Layout(ratio=2, minimum_size=54)
-            left.split_column(packets, timing) if height >= 24 else left.update(packets)
+            left.split_column(*((packets, timing) if height >= 24 else (packets,)))
             right.split_column(
-                Layout(instructions, size=min(few + 3, height // 3)),
-                Layout(servos, ratio=1),
+                Layout(instructions, size=short),
+                Layout(servos, size=rows + 3),
                 Layout(registers, ratio=1),
             )
             body.split_row(left, right)
         elif height >= 36:
-            below = Layout(size=height // 3)
-            below.split_row(Layout(servos), Layout(registers))
+            below.split_row(Layout(servos), Layout(registers, ratio=2))
             body.split_column(packets, timing, below)
         else:
-            below = Layout(size=height // 3)
             below.split_row(Layout(instructions), Layout(servos))
             body.split_column(packets, below)
         return whole
