@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 from busemu.timing import Profile
 
+from .least_squares import FLAT, bounded_least_squares, row_reduced
 from .probes import CHUNK_BYTES, Condition, Kind, Probe, Timing, prober_in_process
 
 Floats = NDArray[np.float64]
@@ -27,14 +28,14 @@ Floats = NDArray[np.float64]
 #: ``interrupt_busy_s ** 2 / (2 * interrupt_period_s)``.
 INTERRUPT = "interrupt"
 #: What is fitted [s]. Of parts that enter as a sum, the first one here takes the sum up,
-#: and the others are left at zero.
+#: and the others are left at zero; a latency timer is left at the length that was begun with.
 PARTS = (
     "host_out_s",
     "adapter_out_s",
-    "latency_timer_s",
     "turnaround_s",
     "chain_lead_s",
     "wake_s",
+    "latency_timer_s",
     INTERRUPT,
     "host_in_s",
     "usb_frame_s",
@@ -60,8 +61,6 @@ STEPS = 12
 DONE_S = 1e-8
 #: So many latency timers to begin from are followed to their end.
 FINALISTS = 2
-#: Derivatives below this, of times by parts, are none: they are whole or half numbers.
-FLAT = 1e-4
 
 
 class CalibrationError(ValueError):
@@ -153,9 +152,9 @@ def fit(robot: Robot, timings: Sequence[Timing], name: str, source: str) -> Fit:
     shortest_s = min(t.median_s for t in used if t.probe.kind is not Kind.HAND_OVER)
     problem = _Problem(robot, used)
     starts = [timer_s for timer_s in TIMERS_S if timer_s <= 1.2 * shortest_s]
-    tried = sorted((problem.descend(problem.start(s), 1) for s in starts), key=problem.cost)
+    tried = sorted((problem.descend(problem.start(s), 1) for s in starts), key=problem.rank)
     finished = [problem.descend(parts, STEPS) for parts in tried[:FINALISTS]]
-    parts = problem.gathered(min(finished, key=problem.cost))
+    parts = min(finished, key=problem.rank)
     slopes = problem.slopes(parts)
     determined, sums, unseen = _identify(parts, slopes / problem.sigma_s[:, None])
     fitted = profile_of(np.round(parts, 8), name, source)
@@ -182,6 +181,10 @@ class _Problem:
     def cost(self, parts: Floats) -> float:
         return float(np.sum(self.residual(parts) ** 2))
 
+    def rank(self, parts: Floats) -> tuple[float, float]:
+        """Sorts by cost; where that says nothing, a longer timer explains a long wait better."""
+        return round(self.cost(parts), 3), -float(parts[TIMER])
+
     def slopes(self, parts: Floats) -> Floats:
         """Derivatives of the times by the parts, shape (timings, parts)."""
         here = self.times(parts)
@@ -207,7 +210,7 @@ class _Problem:
         cost = self.cost(parts)
         for _ in range(steps):
             slopes = self.slopes(parts) / self.sigma_s[:, None]
-            free = [pivot for pivot, _ in _reduced(slopes)]
+            free = [pivot for pivot, _ in row_reduced(slopes)]
             step = np.zeros_like(parts)
             step[free] = bounded_least_squares(slopes[:, free], self.residual(parts), -parts[free])
             if parts[TIMER] and parts[TIMER] + step[TIMER] <= 0.0:
@@ -222,63 +225,6 @@ class _Problem:
                 break
         return parts
 
-    def gathered(self, parts: Floats) -> Floats:
-        """The same fit with each sum in one part, where no part would become negative."""
-        slopes = self.slopes(parts)
-        gathered = np.where(np.abs(slopes).max(axis=0) < FLAT, parts, 0.0)
-        for pivot, row in _reduced(slopes / self.sigma_s[:, None]):
-            gathered[pivot] = row @ parts
-        limit = self.cost(parts) * (1.0 + 1e-6) + 1e-9
-        return gathered if gathered.min() >= 0.0 and self.cost(gathered) <= limit else parts
-
-
-def bounded_least_squares(matrix: Floats, wanted: Floats, lower: Floats) -> Floats:
-    """The ``x >= lower`` with the least ``|matrix x - wanted|``; shapes (m, n), (m,), (n,).
-
-    The active-set method of Lawson and Hanson, *Solving Least Squares Problems*, 1974, chapter 23.
-    """
-    count = matrix.shape[1]
-    target = wanted - matrix @ lower
-    x = np.zeros(count)
-    free = np.zeros(count, dtype=bool)
-    for _ in range(10 * count + 10):
-        gradient = matrix.T @ (target - matrix @ x)
-        candidates = np.where(~free, gradient, -np.inf)
-        best = int(np.argmax(candidates)) if count else 0
-        if not count or candidates[best] <= 1e-10 * (1.0 + float(np.abs(gradient).max())):
-            break
-        free[best] = True
-        while True:
-            trial = np.zeros(count)
-            trial[free] = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]
-            if np.all(trial[free] > 0.0):
-                break
-            blocked = free & (trial <= 0.0)
-            share = float(np.min(x[blocked] / (x[blocked] - trial[blocked] + 1e-300)))
-            x = x + share * (trial - x)
-            free &= x > 1e-15
-            x[~free] = 0.0
-        x = trial
-    return np.asarray(x + lower)
-
-
-def _reduced(matrix: Floats) -> list[tuple[int, Floats]]:
-    """Row-reduced echelon form: (pivot column, row) of each row that is not zero."""
-    rows = matrix / max(float(np.abs(matrix).max(initial=0.0)), 1e-300)
-    reduced: list[tuple[int, Floats]] = []
-    for column in range(rows.shape[1]):
-        if not len(rows):
-            break
-        pivot = int(np.argmax(np.abs(rows[:, column])))
-        if abs(rows[pivot, column]) < FLAT:
-            continue
-        row = rows[pivot] / rows[pivot, column]
-        rows = np.delete(rows, pivot, axis=0)
-        rows = rows - np.outer(rows[:, column], row)
-        reduced = [(at, other - other[column] * row) for at, other in reduced]
-        reduced.append((column, row))
-    return reduced
-
 
 def _identify(
     parts: Floats, weighted: Floats
@@ -287,7 +233,7 @@ def _identify(
 
     ``weighted`` are the derivatives over the standard errors of the times.
     """
-    reduced = _reduced(weighted)
+    reduced = row_reduced(weighted)
     pivots = [pivot for pivot, _ in reduced]
     spread = np.linalg.pinv(weighted[:, pivots])
     errors_s = np.sqrt(np.sum(spread**2, axis=1))

@@ -11,6 +11,7 @@ import enum
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ Floats = NDArray[np.float64]
 
 #: Lengths of data that are read from one servo [byte].
 READ_BYTES = (1, 2, 4, 8, 16, 32, 48, 96)
+LONGEST = max(READ_BYTES)
 #: Numbers of servos that are read with one sync_read; all of them come on top.
 SYNC_SERVOS = (1, 2, 3, 4, 6, 8, 11, 14, 18, 24, 32)
 #: Bytes that an FTDI adapter hands up without waiting for its timer. Source: FTDI AN232B-04.
@@ -140,7 +142,7 @@ def probes_of(robot: Robot) -> list[Probe]:
     count = len(robot.servos)
     chunk = CHUNK_BYTES - STATUS_OVERHEAD[robot.protocol]
     lengths = {n for n in (*READ_BYTES, chunk) if n <= first.size}
-    lengths.add(min(first.size, max(READ_BYTES)))
+    lengths.add(min(first.size, LONGEST))
     numbers = sorted({n for n in SYNC_SERVOS if n < count} | {count})
     value_bytes = first[still_register(robot)].size
     position_bytes = first["present_position"].size
@@ -173,7 +175,8 @@ class Prober:
     ) -> None:
         self.robot = robot
         self.ids = [servo.servo_id for servo in robot.servos]
-        tables = {servo_id: _windowed(table) for servo_id, table in robot.tables.items()}
+        windowed = {table.model: _windowed(table) for table in robot.tables.values()}
+        tables = {servo_id: windowed[table.model] for servo_id, table in robot.tables.items()}
         self.client = BusClient(port, tables, robot.protocol, clock)
         self.clock = clock
         self.bus = bus
@@ -261,9 +264,13 @@ def _window(length: int) -> str:
 
 
 def _windowed(table: ControlTable) -> ControlTable:
-    """``table`` with its first bytes, in every length, as registers that can be read."""
-    windows = tuple(Register(_window(n), 0, n, access="R") for n in range(1, table.size + 1))
-    return replace(table, registers=(*table.registers, *windows))
+    """``table`` with its first bytes, in every length probed, as registers that can be read."""
+    return replace(table, registers=(*table.registers, *_windows(min(table.size, LONGEST))))
+
+
+@lru_cache
+def _windows(longest: int) -> tuple[Register, ...]:
+    return tuple(Register(_window(n), 0, n, access="R") for n in range(1, longest + 1))
 
 
 @contextmanager

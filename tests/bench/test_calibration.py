@@ -15,10 +15,10 @@ import pytest
 
 from bench.calibration import (
     CalibrationError,
-    bounded_least_squares,
     fit,
     predict,
 )
+from bench.least_squares import bounded_least_squares, row_reduced
 from bench.probes import (
     Condition,
     Kind,
@@ -65,8 +65,8 @@ def marvin_fit():
     return fit(MARVIN, measured(MARVIN, load_profile("thesis-marvin")), "mine", "a test")
 
 
-@pytest.mark.parametrize("baud_rate", [57_600, 115_200, 1_000_000])
-@pytest.mark.parametrize("delay", [0, 10, 120, 250])
+@pytest.mark.parametrize("baud_rate", [57_600, 1_000_000])
+@pytest.mark.parametrize("delay", [0, 10, 120])
 def test_fit_foretells_other_baud_rates_and_return_delays(marvin_fit, baud_rate, delay):
     wanted = everything(MARVIN, baud_rate, delay)
     truth_s = predict(MARVIN, load_profile("thesis-marvin"), wanted)
@@ -110,6 +110,8 @@ def test_at_one_return_delay_the_turnaround_is_not_in_the_data():
     assert "not in the data at all: turnaround_s" in describe_fit(fitted)
     lead = sums_of(fitted)[frozenset({"chain_lead_s", "interrupt"})]
     assert str(lead).startswith("chain_lead_s - interrupt = 16.0 us")
+    assert fitted.profile.chain_lead_s == pytest.approx(16e-6, abs=1e-7)
+    assert fitted.profile.interrupt_s() == 0.0
     for baud_rate in (57_600, 1_000_000):
         wanted = everything(MARVIN, baud_rate, 250)
         assert predict(MARVIN, fitted.profile, wanted) == pytest.approx(
@@ -135,12 +137,28 @@ def test_without_sync_read_the_interrupt_hides_in_the_fixed_sum():
 @pytest.mark.parametrize("name", ["ftdi-1ms", "ftdi-16ms", "uart", "ideal"])
 def test_adapters_are_told_apart_by_their_times(name):
     truth = load_profile(name)
-    fitted = fit(MARVIN, measured(MARVIN, truth), "mine", "")
+    fitted = fit(MARVIN, measured(MARVIN, truth, [250]), "mine", "")
     assert fitted.profile.latency_timer_s == pytest.approx(truth.latency_timer_s, rel=0.02)
     wanted = everything(MARVIN, 115_200, 100)
     answered = [pair for pair in wanted if pair[0].kind is not Kind.HAND_OVER]
     assert predict(MARVIN, fitted.profile, answered) == pytest.approx(
         predict(MARVIN, truth, answered), rel=0.01
+    )
+
+
+@pytest.mark.parametrize("name", ["ftdi-1ms", "usb2dynamixel"])
+def test_short_replies_show_that_there_is_a_latency_timer_but_not_how_long(name):
+    """An AX-12 has too few registers to fill an adapter's packet, at which the timer is not due."""
+    truth = load_profile(name)
+    fitted = fit(PHANTOMX, measured(PHANTOMX, truth), "mine", "")
+    fixed = next(total for parts, total in sums_of(fitted).items() if "latency_timer_s" in parts)
+    assert "wake_s" in {part for _, part in fixed.terms}
+    truth_s = truth.latency_timer_s + truth.in_s() + truth.host_in_s
+    assert fixed.value_s == pytest.approx(truth_s, abs=1e-6)
+    assert fitted.profile.latency_timer_s == pytest.approx(truth.latency_timer_s)
+    wanted = everything(PHANTOMX, 1_000_000, 100)
+    assert predict(PHANTOMX, fitted.profile, wanted) == pytest.approx(
+        predict(PHANTOMX, truth, wanted), rel=0.005
     )
 
 
@@ -211,6 +229,14 @@ def test_bounded_least_squares_is_the_best_of_all_active_sets():
         found = bounded_least_squares(matrix, wanted, lower)
         assert np.all(found >= lower - 1e-12)
         assert np.linalg.norm(matrix @ found - wanted) == pytest.approx(best, rel=1e-9)
+
+
+def test_row_reduction_shows_which_columns_come_as_a_sum():
+    matrix = np.array([[1.0, 2.0, 2.0, 0.0], [3.0, 1.0, 1.0, 0.0], [4.0, 3.0, 3.0, 0.0]])
+    (first, one), (second, both) = row_reduced(matrix)
+    assert (first, second) == (0, 1)
+    assert one == pytest.approx([1.0, 0.0, 0.0, 0.0])
+    assert both == pytest.approx([0.0, 1.0, 1.0, 0.0])
 
 
 # -- measuring ----------------------------------------------------------------------------------

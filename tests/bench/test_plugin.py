@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -127,16 +129,19 @@ def test_assertions_see_registers_and_the_truth_behind_them(pytester: pytest.Pyt
         def test_it(servo_bus):
             bus = servo_bus("marvin", timing="ideal")
             packets = PacketHandler(2.0)
+            mount = bus.robot.by_joint["leg1.femur"]
+            assert mount.zero_rad != 0.0                   # so that the frames differ
+            packets.write1ByteTxRx(bus.port, mount.servo_id, 24, 1)
             packets.write1ByteTxRx(bus.port, 1, 24, 1)
-            packets.write2ByteTxRx(bus.port, 1, 30, 512 + 102)
+            packets.write2ByteTxRx(bus.port, mount.servo_id, 30, 512 + 102)
             before = bus.counts.transactions
             bus.run(2.0)
-            mount = bus.robot.by_id[1]
             shaft_rad = 102 * 300 / 1024 * 3.14159265 / 180
-            assert bus.servo(1).state.position_rad == pytest.approx(shaft_rad, rel=1e-3)
+            femur = bus.servo(mount.servo_id)
+            assert femur.state.position_rad == pytest.approx(shaft_rad, rel=1e-3)
             joint_rad = mount.to_joint(shaft_rad)
-            assert bus.position_rad(mount.joint) == pytest.approx(joint_rad, rel=1e-3)
-            assert bus.servo(1).register("present_position") == 614
+            assert bus.position_rad("leg1.femur") == pytest.approx(joint_rad, rel=1e-3)
+            assert femur.register("present_position") == 614
             assert bus.servo(1).registers["model_number"] == 350
             assert bus.counts.transactions == before       # nobody asked over the wire
             assert bus.now_s() == pytest.approx(2.0, abs=0.01)
@@ -282,6 +287,51 @@ def test_those_who_do_not_use_it_pay_nothing(pytester: pytest.Pytester) -> None:
     assert "busemu" not in "".join(said)
     assert "warning" not in "".join(said)
     assert result.stderr.str() == ""
+
+
+#: What the examples of the how-to guide need of a robot's own.
+OWN_CODE = {
+    "my_arm.py": """
+        from dynamixel_sdk import PacketHandler
+
+        def go_to(port, servo_id, count):
+            PacketHandler(2.0).write1ByteTxRx(port, servo_id, 24, 1)
+            PacketHandler(2.0).write2ByteTxRx(port, servo_id, 30, count)
+        """,
+    "my_walk.py": """
+        from dynamixel_sdk import GroupSyncRead, PacketHandler
+
+        def one_cycle(port):
+            group = GroupSyncRead(port, PacketHandler(2.0), 37, 2)
+            for servo_id in range(1, 19):
+                group.addParam(servo_id)
+            assert group.txRxPacket() == 0
+        """,
+    "my_robot.py": """
+        import time
+        from dynamixel_sdk import PacketHandler, PortHandler
+
+        def stand_up(name):
+            PacketHandler(2.0).write1ByteTxRx(PortHandler(name), 1, 24, 1)
+            time.sleep(10.0)
+        """,
+    "walk": """
+        #!/bin/sh
+        test -c "$1"
+        """,
+}
+
+
+@pytest.mark.pty
+def test_the_examples_of_the_how_to_guide_run(pytester: pytest.Pytester) -> None:
+    guide = (Path(__file__).parents[2] / "docs" / "how-to" / "test-in-ci.md").read_text("utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", guide, re.DOTALL)
+    imports = "import subprocess\nimport my_robot\nimport my_walk\n"
+    pytester.makepyfile(test_guide=imports + "\n\n".join(blocks))
+    for name, text in OWN_CODE.items():
+        (pytester.path / name).write_text(textwrap.dedent(text).lstrip(), "utf-8")
+        (pytester.path / name).chmod(0o755)
+    pytester.runpytest_subprocess().assert_outcomes(passed=len(blocks))
 
 
 @pytest.mark.pty
