@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 from busemu.timing import Profile
 
-from .calibration import INTERRUPT, Fit
+from .calibration import CLOCK_S, INTERRUPT, Fit
 from .figures.style import save
 from .figures.tables import aligned
 from .figures.timing import TimingRow, timing_figure
@@ -21,6 +21,9 @@ from .probes import Kind, Timing
 
 Floats = NDArray[np.float64]
 MS = 1e3
+#: A typical spread beyond this share of the median is worth a warning. Assumed: on an idle machine
+#: it is a few percent.
+UNSTEADY = 0.25
 COLUMNS = (
     "transaction", "kind", "servos", "data_bytes", "baud_rate", "return_delay_time", "repeats",
     "median_s", "p5_s", "p95_s", "modelled_s",
@@ -101,6 +104,18 @@ def cycle_lines(timings: Sequence[Timing]) -> list[str]:
         for timing in timings
         if timing.probe.kind is Kind.CYCLE
     ]
+
+
+def unsteady(timings: Sequence[Timing]) -> str | None:
+    """A warning if the times of most transactions spread so far that a fit says little."""
+    spreads = [(t.span_s[1] - t.span_s[0]) / max(t.median_s, CLOCK_S) for t in timings]
+    typical = float(np.median(spreads))
+    if typical <= UNSTEADY:
+        return None
+    return (
+        f"warning: times spread by {typical * 100:.0f} % of their median (5 % - 95 %, typically): "
+        "the host was busy; time it again with nothing else running before you trust a fit"
+    )
 
 
 def describe_fit(fit: Fit) -> list[str]:

@@ -13,7 +13,14 @@ from busemu.timing import Profile
 from .calibration import fit, predict
 from .probes import Prober, Timing, prober_in_process, prober_on_port, probes_of
 from .return_delays import TRIED, time_at_each
-from .timing_report import cycle_lines, describe_fit, timing_table, write_profile, write_report
+from .timing_report import (
+    cycle_lines,
+    describe_fit,
+    timing_table,
+    unsteady,
+    write_profile,
+    write_report,
+)
 
 Say = Callable[[str], None]
 
@@ -49,6 +56,9 @@ def run_timing(wanted: Wanted, say: Say) -> list[Timing]:
     say(timing_table(timings, modelled_s, profile.name))
     for line in cycle_lines(timings):
         say(line)
+    warning = unsteady(timings)
+    if warning is not None:
+        say(warning)
     if wanted.out is not None:
         for path in write_report(wanted.out, robot, timings, modelled_s):
             say(f"wrote {path}")

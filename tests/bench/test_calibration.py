@@ -28,7 +28,7 @@ from bench.probes import (
     still_register,
 )
 from bench.return_delays import ReturnDelayError, time_at_each, varied
-from bench.timing_report import describe_fit, write_profile
+from bench.timing_report import describe_fit, unsteady, write_profile
 from busemu.tables import load_robot
 from busemu.timing import Profile, load_profile
 from hal.bus_errors import NoReplyError
@@ -273,6 +273,13 @@ def test_distribution_is_told_by_median_and_5_to_95_percent():
     timing = Timing(probes_of(MARVIN)[0], Condition(1_000_000, (0,)), times_s)
     assert timing.median_s == 51.0
     assert timing.span_s == (6.0, 96.0)
+
+
+def test_times_of_a_busy_host_are_called_so():
+    truth = load_profile("thesis-marvin")
+    assert unsteady(measured(MARVIN, truth, [250], repeats=40, noise=0.05)) is None
+    warning = unsteady(measured(MARVIN, truth, [250], repeats=40, noise=0.3))
+    assert "the host was busy" in warning
 
 
 def test_a_servo_that_does_not_answer_ends_the_timing():
