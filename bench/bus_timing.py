@@ -26,6 +26,10 @@ THESIS_MS = {
 }
 
 
+#: What the star at a sync_write stands for.
+WRITE_NOTE = "* modelled until its last byte is on the wire, measured until the program goes on"
+
+
 @dataclass(frozen=True, slots=True)
 class Timed:
     """Times of one kind of transaction [s], shape (repeats,)."""
@@ -77,8 +81,7 @@ def time_bus(
         ),
         (
             "write all",
-            f"sync_write of {count} goals: modelled until the last byte is on the wire, "
-            "measured until the program goes on",
+            f"sync_write of {count} goals *",
             lambda: client.sync_write("goal_position", goals),
         ),
         (

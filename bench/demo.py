@@ -22,7 +22,7 @@ from busemu.plant import ideal
 from busemu.tables import Robot
 from busemu.timing import load_profile
 
-from .bus_timing import Timed, time_bus
+from .bus_timing import WRITE_NOTE, Timed, time_bus
 from .figures.film import film_strip, write_gif
 from .figures.gait import contact_spans, gait_figure
 from .figures.joints import joint_figure
@@ -126,7 +126,7 @@ def run_demo(robot: Robot, name: str, folder: Path, seconds: float, say: Say) ->
     _film(robot, observed, _start_s(recording, seconds), folder, files)
     summary = _summary(robot, table, moved, files)
     (folder / "README.md").write_text(summary, "utf-8")
-    return Demo(folder, aligned(*table), moved, files)
+    return Demo(folder, f"{aligned(*table)}\n{WRITE_NOTE}", moved, files)
 
 
 Table = tuple[list[str], list[list[str]]]
@@ -231,6 +231,8 @@ It walked {moved.distance_m:.3f} m in {moved.duration_s:.1f} s ({moved.speed_m_s
 and turned by {np.degrees(moved.turned_rad):+.1f} degrees.
 
 {markdown(*table)}
+
+{WRITE_NOTE.replace("*", chr(92) + "*")}
 
 | file | what |
 |---|---|
