@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from busemu.group import GroupRead, group_read, group_writes
 from busemu.protocol import (
@@ -74,13 +74,13 @@ class _OpenRead:
     t_s: float
     items: deque[tuple[int, int, int]]  #: servo ID, address, length
     fast: bool = False
+    behind: list[Access] = field(default_factory=list)  #: what was written after it
 
 
 class WireDecoder:
     """Decodes one bus. ``tables`` are the control tables of its servos, by ID.
 
-    ``on_access`` is told of every access when all is known of it. Writes come at once, reads in the
-    order they were asked.
+    ``on_access`` is told of every access when all is known of it, in the order of instructions.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class WireDecoder:
     def finish(self) -> None:
         """Nothing more will come: what is still open is lost."""
         while self._open:
-            self._give_up(self._open.popleft())
+            self._close()
 
     def _note_noise(self, packet: object) -> None:
         if isinstance(packet, Noise):
@@ -144,7 +144,7 @@ class WireDecoder:
     def _begin(self, packet: InstructionPacket, t_s: float) -> None:
         """A new instruction: the host waits no longer for what it asked before."""
         while self._open and t_s - self._open[0].t_s >= PIPELINE_S:
-            self._give_up(self._open.popleft())
+            self._close()
         if not self._open:
             self._note_noise(self._statuses.abort())
         self._echo = packet if self._protocol == 1.0 else None
@@ -192,7 +192,11 @@ class WireDecoder:
     def _write(self, servo_id: int, address: int, data: bytes, t_s: float) -> None:
         for row_id, name, first, size in self._layout(servo_id, address, len(data)):
             raw = _number(data[first : first + size])
-            self._tell(Access(t_s, math.nan, row_id, "write", name, float(raw)))
+            access = Access(t_s, math.nan, row_id, "write", name, float(raw))
+            if self._open:
+                self._open[-1].behind.append(access)
+            else:
+                self._tell(access)
 
     # -- status packets ------------------------------------------------------------------------
 
@@ -212,7 +216,7 @@ class WireDecoder:
             if not blocks:
                 continue
             for _ in range(index):
-                self._give_up(self._open.popleft())
+                self._close()
             for servo_id, data in blocks:
                 while read.items[0][0] != servo_id:
                     self._lose(read, read.items.popleft())
@@ -222,7 +226,7 @@ class WireDecoder:
                 else:
                     self._lose(read, item)
             if not read.items:
-                self._open.popleft()
+                self._close()
             return
 
     def _read(self, t_s: float, t_reply_s: float, item: tuple[int, int, int], data: bytes) -> None:
@@ -235,9 +239,13 @@ class WireDecoder:
         for row_id, name, _, _ in self._layout(*item):
             self._tell(Access(read.t_s, math.nan, row_id, "read", name, math.nan))
 
-    def _give_up(self, read: _OpenRead) -> None:
+    def _close(self) -> None:
+        """Be done with the first open read: what has not come is lost."""
+        read = self._open.popleft()
         for item in read.items:
             self._lose(read, item)
+        for access in read.behind:
+            self._tell(access)
 
     def _tell(self, access: Access) -> None:
         self.counts.rows += 1

@@ -377,6 +377,17 @@ def test_questions_asked_in_one_breath_are_all_answered(protocol: float) -> None
 
 
 @BOTH
+def test_rows_come_in_the_order_of_the_instructions_in_one_breath(protocol: float) -> None:
+    bench = Bench(protocol)
+    read(bench, after_s=PIPELINE_S / 8)
+    bench.send(1, Instruction.WRITE, bench.place("torque_enable"), b"\x01", after_s=0.0)
+    read(bench, 2, after_s=0.0)
+    bench.answer(2, b"\x09\x00")
+    written = (1, "write", "torque_enable", 1)
+    assert bench.seen() == [position(1, None), written, position(2, 9)]
+
+
+@BOTH
 def test_status_of_a_write_or_ping_does_not_answer_a_read(protocol: float) -> None:
     bench = Bench(protocol)
     bench.send(1, Instruction.WRITE, bench.place("torque_enable"), b"\x01")

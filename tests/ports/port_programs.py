@@ -94,13 +94,9 @@ def sdk(path: str, protocol: float, baud_rate: int = 1_000_000) -> Iterator[tupl
         port.closePort()
 
 
-def patiently(attempt: Callable[[], int]) -> int:
-    """The result of an exchange; a busy machine may cost a few of them their timeout."""
-    for _ in range(5):
-        result = attempt()
-        if result == OK:
-            break
-    return result
+def meets(wanted: object, attempt: Callable[[], object]) -> bool:
+    """Whether an exchange has the result wanted, in one of a few attempts on a busy machine."""
+    return any(attempt() == wanted for _ in range(5))
 
 
 def refused(*words: object) -> str:

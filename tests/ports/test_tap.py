@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import statistics
@@ -21,7 +22,7 @@ from port_programs import (
     PATIENCE_S,
     TIMEOUT,
     Program,
-    patiently,
+    meets,
     refused,
     running,
     sdk,
@@ -31,7 +32,8 @@ from port_programs import (
 from pypot.dynamixel.io import Dxl320IO, DxlIO
 
 from bench.recording import Recording, read
-from busemu.ports.baud import get_baud_rate
+from busemu.ports import device as device_module
+from busemu.ports.baud import get_baud_rate, set_baud_rate
 from busemu.ports.device import SerialDevice
 from busemu.ports.pty import PtyPort
 from busemu.ports.tap import Tap
@@ -45,10 +47,23 @@ def tapping(device: object, robot: str, record: Path, *words: object) -> Any:
     return running("tap", "--device", device, "--robot", robot, "--record", record, *words)
 
 
-def content(recording: Recording) -> list[str]:
-    """Rows without times, as text, in which nan is nan."""
-    columns = ("servo_id", "op", "register", "raw")
-    return [str(row) for row in recording.table.select(columns).to_pylist()]
+def assert_same(one: Recording, two: Recording) -> bool:
+    """The same accesses in the same order, with the same values; whether none was lost in either.
+
+    A reply that comes in the instant in which a program gives it up, as happens on a busy machine,
+    is there for one observer and lost for another; nothing else may differ.
+    """
+    keys, raws = [], []
+    for recording in (one, two):
+        table = recording.table
+        keys.append(table.select(["servo_id", "op", "register"]).to_pylist())
+        raws.append(table.column("raw").to_pylist())
+    assert keys[0] == keys[1]
+    whole = not any(math.isnan(raw) for both in raws for raw in both)
+    pairs = [pair for pair in zip(*raws, strict=True) if not any(map(math.isnan, pair))]
+    assert all(a == b for a, b in pairs)
+    assert len(pairs) > len(raws[0]) * 0.9
+    return whole
 
 
 def rows(recording: Recording, servo_id: int, register: str, op: str) -> list[float]:
@@ -108,6 +123,34 @@ def test_device_that_is_slow_to_take_bytes_gets_all_of_them() -> None:
     os.close(end)
 
 
+def test_baud_rate_that_the_device_refuses_meets_silence_and_a_good_one_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def choosy(descriptor: int, baud_rate: int) -> int:
+        return baud_rate if baud_rate < 4_000_000 else 3_000_000
+
+    board, end = os.openpty()
+    monkeypatch.setattr(device_module, "set_baud_rate", choosy)
+    with closing(SerialDevice(os.ttyname(end), 115_200)) as device, closing(PtyPort()) as port:
+        tap = Tap(port, device)
+        client = os.open(port.path, os.O_RDWR | os.O_NOCTTY)
+        os.set_blocking(board, False)
+        for baud_rate in (4_500_000, 1_000_000):
+            set_baud_rate(client, baud_rate)
+            os.write(client, b"hello")
+            assert tap.turn(PATIENCE_S)
+            if baud_rate == 4_500_000:
+                assert "does not offer 4500000 baud (it took 3000000)" in tap.refused
+                with pytest.raises(BlockingIOError):
+                    os.read(board, 10)
+        assert tap.refused == ""
+        assert os.read(board, 10) == b"hello"
+        assert len(tap.passed) == 1
+        os.close(client)
+    os.close(board)
+    os.close(end)
+
+
 # -- recordings -----------------------------------------------------------------------------------
 
 
@@ -131,8 +174,9 @@ def test_walk_through_a_tap_is_recorded_as_the_walk_recorded_it(tmp_path: Path, 
         code, said = tap.end()
         assert code == 0, said
     one, two = read(taps), read(walk)
-    assert content(one) == content(two)
-    assert len(one) > 3000
+    whole = assert_same(one, two)
+    assert whole or "0 lost replies" not in done.stdout
+    assert len(one) > 1000
     assert one.metadata["source"] == "emulator"
     assert one.metadata["group"] == "lab"
     assert {k: one.metadata[k] for k in ("robot", "bus", "servo")} == {
@@ -153,24 +197,25 @@ def test_sdk_through_two_taps_in_a_row_gets_what_both_record(tmp_path: Path) -> 
         tapping(far.path, "marvin", paths[0]) as near,
     ):
         with sdk(near.path, 2.0) as (port, packets):
-            assert packets.write2ByteTxRx(port, 3, 30, 600) == (OK, 0)
-            assert packets.read2ByteTxRx(port, 3, 30) == (600, OK, 0)
-            assert packets.regWriteTxRx(port, 4, 30, 2, [0x58, 2]) == (OK, 0)
+            assert meets((OK, 0), lambda: packets.write2ByteTxRx(port, 3, 30, 600))
+            assert meets((600, OK, 0), lambda: packets.read2ByteTxRx(port, 3, 30))
+            assert meets((OK, 0), lambda: packets.regWriteTxRx(port, 4, 30, 2, [0x58, 2]))
             assert packets.action(port, 4) == OK
             read_all = GroupSyncRead(port, packets, 37, 2)
             for servo_id in IDS:
                 read_all.addParam(servo_id)
-            assert patiently(read_all.txRxPacket) == OK
+            assert meets(OK, read_all.txRxPacket)
             assert packets.read2ByteTxRx(port, 99, 37)[1] == TIMEOUT
         for tap in (near, far):
             code, said = tap.end()
             assert code == 0, said
     one, two = (read(path) for path in paths)
-    assert content(one) == content(two)
-    assert rows(one, 3, "goal_position", "write") == rows(one, 3, "goal_position", "read") == [600]
-    assert rows(one, 4, "goal_position", "write") == [600]
+    assert_same(one, two)
+    assert set(rows(one, 3, "goal_position", "write")) == {600}
+    assert set(rows(one, 3, "goal_position", "read")) == {600}
+    assert set(rows(one, 4, "goal_position", "write")) == {600}
     assert all(len(rows(one, i, "present_position", "read")) >= 1 for i in IDS)
-    assert content(one)[-1].count("wire/servo_99/byte_38") == 1
+    assert one.table.column("register").to_pylist()[-1] == "wire/servo_99/byte_38"
 
 
 @pytest.mark.parametrize("name", ["phantomx", "marvin"])
@@ -199,11 +244,11 @@ def test_baud_rate_of_the_program_is_that_of_the_device(tmp_path: Path) -> None:
             descriptor = os.open(server.path, os.O_RDWR | os.O_NOCTTY)
             with sdk(tap.path, 2.0, 57_600) as (port, packets):
                 port.ser.baudrate = baud_rate
-                assert patiently(lambda: packets.ping(port, 1)[1]) == result
-            assert get_baud_rate(descriptor) == baud_rate
+                assert meets(result, lambda: packets.ping(port, 1)[1])
+                until(lambda: get_baud_rate(descriptor) == baud_rate)  # noqa: B023
             os.close(descriptor)
         with sdk(tap.path, 2.0) as (port, packets):
-            assert patiently(lambda: packets.read2ByteTxRx(port, 1, 37)[1]) == OK
+            assert meets(OK, lambda: packets.read2ByteTxRx(port, 1, 37)[1])
         assert tap.end()[0] == 0
     assert read(path).metadata["bus"]["baud_rate"] == 1_000_000
 
@@ -213,7 +258,7 @@ def test_baud_rate_of_the_program_is_that_of_the_device(tmp_path: Path) -> None:
 
 def ask_something(tap: Program) -> None:
     with sdk(tap.path, 2.0) as (port, packets):
-        assert patiently(lambda: packets.read2ByteTxRx(port, 1, 37)[1]) == OK
+        assert meets(OK, lambda: packets.read2ByteTxRx(port, 1, 37)[1])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -10,7 +10,7 @@ from typing import Any
 import dynamixel_sdk
 import pytest
 import serial
-from port_programs import IDS, OK, PATIENCE_S, patiently, refused, serving, until
+from port_programs import IDS, OK, PATIENCE_S, meets, refused, serving, until
 
 from busemu.ports.tcp import TcpError, TcpPort
 
@@ -117,24 +117,28 @@ def test_ipv6_address_is_written_in_brackets() -> None:
         assert port.path.startswith("socket://[::1]:")
 
 
+def use(port: Any, protocol: float) -> None:
+    """Do with the SDK what a program does, and leave."""
+    assert port.setBaudRate(1_000_000)
+    packets = dynamixel_sdk.PacketHandler(protocol)
+    assert meets(OK, lambda: packets.ping(port, 1)[1])
+    assert meets((OK, 0), lambda: packets.write2ByteTxRx(port, 3, 30, 600))
+    assert meets((600, OK, 0), lambda: packets.read2ByteTxRx(port, 3, 30))
+    if protocol == 2.0:
+        read = dynamixel_sdk.GroupSyncRead(port, packets, 37, 2)
+        for servo_id in IDS:
+            read.addParam(servo_id)
+        assert meets(OK, read.txRxPacket)
+    port.closePort()
+
+
 @pytest.mark.parametrize("name", ["phantomx", "marvin"])
 def test_sdk_over_a_socket_reads_and_writes_one_client_after_the_other(name: str) -> None:
     protocol = 1.0 if name == "phantomx" else 2.0
     with serving("--robot", name, "--tcp", "127.0.0.1:0") as server:
         assert server.path.startswith("socket://127.0.0.1:")
         for _ in range(2):
-            port: Any = SocketPort(server.path)
-            assert port.setBaudRate(1_000_000)
-            packets = dynamixel_sdk.PacketHandler(protocol)
-            assert patiently(lambda: packets.ping(port, 1)[1]) == OK  # noqa: B023
-            assert packets.write2ByteTxRx(port, 3, 30, 600) == (OK, 0)
-            assert packets.read2ByteTxRx(port, 3, 30) == (600, OK, 0)
-            if name == "marvin":
-                read = dynamixel_sdk.GroupSyncRead(port, packets, 37, 2)
-                for servo_id in IDS:
-                    read.addParam(servo_id)
-                assert patiently(read.txRxPacket) == OK
-            port.closePort()
+            use(SocketPort(server.path), protocol)
         code, said = server.end()
         assert code == 0, said
 
