@@ -110,7 +110,7 @@ def sources(words: list[str]) -> Iterator[bytes | Iterator[Entry | None]]:
     if not words or words == ["-"]:
         data = sys.stdin.buffer.read()
         yield read_lines(data.splitlines(keepends=True)) if is_trace(data) else _content(data, "-")
-    elif any(Path(word).exists() for word in words):
+    elif any(word and Path(word).exists() for word in words):
         paths = [Path(word) for word in words]
         if all(map(_is_trace, paths)):
             yield chain.from_iterable(map(read_trace, paths))

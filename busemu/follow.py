@@ -62,18 +62,18 @@ class Follower:
         Raises :class:`TraceError` if the file cannot be read, or is no trace.
         """
         try:
+            entries = self._begin() if self._file is None else []
             if self._file is None:
-                return self._begin()
+                return entries
             data = self._file.read(CHUNK)
-            if data:
-                return self._lines(data)
-            if self._replaced():
-                data = self._file.read()  # what came between the last look and the replacement
+            if not data and self._replaced():
+                entries += self._lines(self._file.read())  # what came since the last look
                 self.close()
-                return self._lines(data)
+                entries += self._begin()
+                data = self._file.read(CHUNK) if self._file is not None else b""
+            return entries + self._lines(data)
         except OSError as error:
             raise TraceError(f"{self.path}: {error.strerror}") from None
-        return []
 
     def close(self) -> None:
         """Let go of the file; the next poll opens it again."""
@@ -94,8 +94,8 @@ class Follower:
         if not is_trace(start):
             file.close()
             raise TraceError(NO_TRACE.format(self.path))
-        self._file, self._rest = file, b""
         file.seek(0)
+        self._file, self._rest = file, b""
         tail_bytes, self._tail_bytes = self._tail_bytes, None
         size = os.fstat(file.fileno()).st_size
         if tail_bytes is None or size <= tail_bytes:

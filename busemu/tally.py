@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from .explain import COLLIDED, Explainer, Explanation, Tables, Value, instructio
 from .trace import WireEventKind
 from .traceline import Dropped, Entry, Header, Record
 
+_NUMBER = re.compile(r" [0-9A-F]{1,3}$")
 #: Rates are over the last whole seconds of this number.
 RATE_WINDOW_S = 5
 #: So many answers are kept for the timing.
@@ -196,4 +198,4 @@ def _kind_of_fault(explanation: Explanation) -> str:
         return "cut off or without end"
     start = explanation.faults[-1].partition(":")[0]
     name, is_, _ = start.partition(" is ")
-    return f"wrong {name.rstrip('0123456789ABCDEF ')}" if is_ else start
+    return f"wrong {_NUMBER.sub('', name)}" if is_ else _NUMBER.sub("", start)

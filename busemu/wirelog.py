@@ -22,6 +22,8 @@ HANDED_LIMIT_S = 0.5
 BATCH = 16
 #: So many runs wait to be written at most; more than that, and the oldest are dropped.
 WAITING_LIMIT = 20_000
+#: So many replies are on their way to the host at most.
+UNREAD_LIMIT = 1000
 
 
 @dataclass(slots=True)
@@ -31,6 +33,7 @@ class _Note:
     event: WireEvent
     read_s: float | None = None
     handed_s: float | None = None
+    lost: bool = False
 
 
 class WireLog:
@@ -54,7 +57,7 @@ class WireLog:
         self._older = path.with_name(path.name + ".1")
         self._header = header
         self._waiting: deque[_Note] = deque()
-        self._unread: deque[_Note] = deque()  # replies on their way to the host
+        self._unread: deque[_Note] = deque(maxlen=UNREAD_LIMIT)  # replies on their way to the host
         self._stream = b""
         self._read: tuple[bytes, float] = (b"", 0.0)
         self._dropped = 0
@@ -92,16 +95,13 @@ class WireLog:
         """Reply bytes were handed to the host."""
         stream = self._stream + data
         unread = self._unread
-        while unread:
-            event = unread[0].event
-            at = stream.find(event.data)
-            if at < 0:
-                if event.end_s > now_s - HANDED_LIMIT_S:
-                    break
-                unread.popleft()
-                continue
-            unread.popleft().handed_s = now_s
-            stream = stream[at + len(event.data) :]
+        while note := next((each for each in unread if each.event.data in stream), None):
+            _, _, stream = stream.partition(note.event.data)
+            note.handed_s = now_s
+            while (lost := unread.popleft()) is not note:
+                lost.lost = True  # replies keep their order
+        while unread and unread[0].event.end_s < now_s - HANDED_LIMIT_S:
+            unread.popleft()
         self._stream = stream if unread else b""
 
     # -- what takes time ------------------------------------------------------------------------
@@ -119,7 +119,8 @@ class WireLog:
         while waiting and (limit is None or len(lines) < limit):
             note = waiting[0]
             due = note.event.kind is WireEventKind.STATUS and note.handed_s is None
-            if due and limit is not None and note.event.end_s > now_s - HANDED_LIMIT_S:
+            over = note.lost or limit is None or note.event.end_s <= now_s - HANDED_LIMIT_S
+            if due and not over:
                 break
             waiting.popleft()
             lines.append(Record(note.event, note.read_s, note.handed_s).line())
