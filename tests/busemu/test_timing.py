@@ -282,7 +282,7 @@ def test_instant_profile_takes_no_time_at_all() -> None:
 
 
 def test_shipped_profiles_parse_and_say_their_source() -> None:
-    assert set(profiles()) == {"ideal", "instant", "thesis-marvin", "thesis-phantomx"}
+    assert set(profiles()) >= {"ideal", "instant", "thesis-marvin", "thesis-phantomx", "ftdi-16ms"}
     for name in profiles():
         profile = load_profile(name)
         assert profile.name == name
