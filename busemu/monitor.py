@@ -161,7 +161,8 @@ class Monitor:
 
     def snapshot(self, now_s: float, packets: int) -> Group:
         """Everything, one below another, with the last so many lines of packets."""
-        parts: list[RenderableType] = [self.head(now_s)]
+        last = list(self.lines)[-packets:] if packets else []
+        parts: list[RenderableType] = [_whole_line(self.head(now_s))]
         titled: list[tuple[str, RenderableType]] = [
             ("instructions", self.instructions(now_s)),
             ("servos", self.servos(now_s)),
@@ -171,7 +172,7 @@ class Monitor:
         titled += [
             (f"registers of servo {self.shown_servo()}", self.registers()),
             ("from instruction to answer", self.timing()),
-            ("packets", Group(*map(_text, list(self.lines)[-packets:] if packets else []))),
+            ("packets", Group(*(_whole_line(_text(line)) for line in last))),
         ]
         for title, part in titled:
             parts += [Text(), Text(title, "bold"), part]
@@ -229,6 +230,12 @@ class _Newest:
 
 def _text(line: Line) -> Text:
     return Text.assemble(*((piece, STYLES[style]) for piece, style in line))
+
+
+def _whole_line(text: Text) -> Text:
+    """The same on one line, however long."""
+    text.no_wrap, text.overflow = True, "ignore"
+    return text
 
 
 def _panel(title: str, inside: RenderableType) -> Panel:

@@ -181,7 +181,7 @@ def _snapshot(view: Monitor, path: Path, packets: int) -> None:
         if entry is not None:
             view.add(view.tally.take(entry))
     console = Console(width=SNAPSHOT_WIDTH, color_system=None, highlight=False)
-    console.print(view.snapshot(view.tally.now_s, packets), soft_wrap=False)
+    console.print(view.snapshot(view.tally.now_s, packets), crop=False)
 
 
 def _live(view: Monitor, path: Path) -> None:
