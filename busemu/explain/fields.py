@@ -63,7 +63,7 @@ def on_wire(fields: Sequence[Field], wire: bytes) -> list[Field]:
         start = at
         for _ in field.data:
             at += 1
-            if at >= 3 and wire[at - 3 : at + 1] == STUFFED:
+            if wire[max(0, at - 3) : at + 1] == STUFFED:
                 at += 1
         piece = wire[start:at]
         stuffed = " (with a stuffing FD)" if len(piece) > len(field.data) else ""

@@ -132,6 +132,23 @@ def test_a_part_of_a_register_and_bytes_of_none_are_called_so():
     assert "no register" in one(nowhere, explainer=Explainer(2.0, tables(2.0))).summary
 
 
+@pytest.mark.parametrize(
+    ("parameters", "pieces"),
+    [
+        (b"\x74\x00\xff\xff\xfd\x00", [b"\x74\x00", b"\xff\xff\xfd\xfd\x00"]),
+        (b"\x41\x00\xff\xff\xfd", [b"\x41\x00", b"\xff", b"\xff\xfd\xfd"]),
+        (b"\xff\xff\xfd\xfd", [b"\xff\xff", b"\xfd\xfd\xfd"]),
+    ],
+)
+def test_a_stuffing_byte_is_shown_where_it_is_and_is_no_data(parameters, pieces):
+    wire = v2.encode_instruction(InstructionPacket(1, 3, parameters))
+    found = one(wire, explainer=Explainer(None, tables(2.0)))
+    assert not found.faults
+    assert [field.data for field in found.fields[5:-1]] == pieces
+    assert [("stuffing" in field.words) for field in found.fields[5:-1]][-1]
+    assert b"".join(value.data for value in found.values) == parameters[2:]
+
+
 def test_packets_of_both_protocols_in_one_stream_tell_themselves_apart():
     wires = [vector.wire for vector in load()]
     found = Explainer().explain(b"".join(wires))

@@ -1,6 +1,7 @@
 """The trace: what is written is read back, within its size, whatever ends the writer."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from busemu.assemble import assemble
+from busemu.explain import Tables
 from busemu.follow import Follower, read_trace
 from busemu.plant import ideal
 from busemu.tables import load_robot
+from busemu.tally import Tally
 from busemu.timing import load_profile
 from busemu.trace import WireEvent, WireEventKind
 from busemu.traceline import Dropped, Header, Record, TraceError, parse_line
@@ -232,6 +235,38 @@ def test_a_follower_goes_on_with_a_file_that_was_emptied(tmp_path, following):
     path.write_bytes(HEADER.line().encode())
     assert follow(follower) == [HEADER]
     log.close()
+
+
+def test_a_follower_that_slept_goes_on_with_a_file_that_has_become_longer(tmp_path, following):
+    path = tmp_path / "t"
+    log = WireLog(path, HEADER, SMALL)
+    write(log, 5)
+    follower = following(path)
+    follow(follower)
+    write(log, 2, 20.0)
+    path.rename(tmp_path / "t.1")
+    log = WireLog(path, HEADER, SMALL)
+    write(log, 50, 30.0)
+    starts = [entry.event.start_s for entry in follow(follower) if isinstance(entry, Record)]
+    assert starts[:3] == [20.0, 20.001, 30.0]
+    assert len(starts) == 52
+
+
+def test_an_unfinished_last_line_is_passed_over(tmp_path):
+    line = Record(event(1.0), 1.0).line()
+    (tmp_path / "t").write_text(HEADER.line() + line + line[:40])
+    assert len(list(read_trace(tmp_path / "t"))) == 2
+
+
+def test_an_account_goes_on_in_the_next_file_and_begins_anew_with_the_next_server():
+    tally = Tally(lambda robot: Tables())
+    record = Record(event(6.0), 6.0)
+    for entry in (HEADER, record, HEADER, record):
+        tally.take(entry)
+    assert (tally.starts, tally.instructions["read"]) == (1, 2)
+    for entry in (replace(HEADER, clock_s=50.0), record):
+        tally.take(entry)
+    assert (tally.starts, tally.instructions["read"]) == (2, 1)
 
 
 def test_a_follower_may_begin_near_the_end_with_the_header_that_holds_there(tmp_path, following):
