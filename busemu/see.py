@@ -154,8 +154,8 @@ def monitor(
         busemu serve --robot marvin --link /tmp/marvin --trace /tmp/marvin.trace
         busemu monitor /tmp/marvin.trace --servo 3         (in another shell)
 
-    It follows the file, also when the server starts again, and costs the server nothing. Ctrl-C
-    ends it. "Modelled" is from the first bit of an instruction to the last bit of its answer on
+    It only reads the file, behind the server in priority, and goes on when the server starts
+    again. Ctrl-C ends it. "Modelled" is from the first bit of an instruction to the last bit of its answer on
     the wire; "measured" from the server's taking the bytes to its handing the answer over, so it
     has the adapter's latency in it.
     """

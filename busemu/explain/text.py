@@ -58,9 +58,9 @@ def title(explanation: Explanation) -> str:
     """What kind of packet it is, and its summary."""
     if explanation.protocol is None:
         return explanation.summary
-    kind = {"instruction": "instruction packet", "status": "status packet"}.get(
-        explanation.kind, "damaged packet"
-    )
+    if explanation.kind == "fragment":
+        return f"Protocol {explanation.protocol}, {explanation.summary}"
+    kind = f"{explanation.kind} packet"
     return f"{kind}, Protocol {explanation.protocol}: {explanation.summary}"
 
 
