@@ -155,9 +155,11 @@ def monitor(
         busemu monitor /tmp/marvin.trace --servo 3         (in another shell)
 
     It only reads the file, behind the server in priority, and goes on when the server starts
-    again. Ctrl-C ends it. "Modelled" is from the first bit of an instruction to the last bit of its answer on
-    the wire; "measured" from the server's taking the bytes to its handing the answer over, so it
-    has the adapter's latency in it.
+    again. Ctrl-C ends it.
+
+    "Modelled" is from the first bit of an instruction to the last bit of its answer on the wire;
+    "measured" from the server's taking the bytes to its handing the answer over, so it has the
+    adapter's latency in it.
     """
     from .monitor import Monitor
 
