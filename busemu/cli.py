@@ -140,8 +140,7 @@ def serve_command(
     On a real line, with --device: the adapter's data line goes to the board's servo connector,
     ground to ground. Wire and USB then take their own time, so only the servos' times are modelled.
     """
-    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(ending, _stop)  # a shell's background jobs start with SIGINT ignored
+    end_by_interrupt()
     try:
         described = load_robot(robot)
         profile = load_profile(timing or described.timing)
@@ -232,6 +231,15 @@ def tables_command(
         typer.echo(table_markdown(load_table(model)), nl=False)
     except TableError as error:
         fail(error)
+
+
+def end_by_interrupt() -> None:
+    """Have SIGINT, SIGTERM and SIGHUP all raise ``KeyboardInterrupt``.
+
+    A shell's background jobs start with SIGINT ignored, so that has to be said as well.
+    """
+    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(ending, _stop)
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:

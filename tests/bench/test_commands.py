@@ -1,8 +1,10 @@
 """The bench's commands, as a person types them."""
 
 import shutil
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -51,3 +53,25 @@ def test_bad_words_get_one_clear_line_and_a_failure(words, says):
     assert len(lines) == 1
     assert lines[0].startswith("busemu: ")
     assert says in lines[0]
+
+
+@pytest.mark.pty
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_walk_that_is_ended_lets_go_and_keeps_its_recording(tmp_path, number):
+    link, path = tmp_path / "marvin", tmp_path / "walk.parquet"
+    serve = [sys.executable, "-m", "busemu", "serve", "--robot", "marvin", "--plant", "ideal"]
+    with subprocess.Popen([*serve, "--link", link], stdout=subprocess.PIPE, text=True) as server:
+        try:
+            while "port" not in server.stdout.readline():
+                assert server.poll() is None
+            words = ["walk", "--robot", "marvin", "--port", link, "--seconds", 60, "--record", path]
+            command = [sys.executable, "-m", "busemu", *map(str, words)]
+            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as walk:
+                time.sleep(4.0)  # to be well in the walk; ended earlier, it has less to record
+                walk.send_signal(number)
+                said, _ = walk.communicate(timeout=30)
+        finally:
+            server.terminate()
+    assert walk.returncode == 130
+    assert "torque is off" in said
+    assert (read(path).series(1, "torque_enable", "write").value[[0, -1]] == [1, 0]).all()
