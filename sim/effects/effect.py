@@ -1,0 +1,140 @@
+"""What an effect is: physics that can be switched on in a robot, with its parameters.
+
+An effect takes a robot and gives a robot: nothing is changed in place. With every parameter at its
+``off`` value the robot that comes out is equal to the one that went in, so the model is the base
+model to the bit.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from ..drive.parameters import DriveParameters
+from ..entries import PhysicsError
+from ..robot import Joint, PhysicalRobot
+
+Values = Mapping[str, float]
+
+
+class Group(enum.Enum):
+    """Families of the catalogue."""
+
+    GEAR = "gear and link"
+    FRICTION = "friction"
+    CONTROLLER = "controller"
+    ELECTRICAL = "electrical, thermal"
+    SENSING = "sensing and bus"
+    BODY = "body and contact"
+
+
+class Scope(enum.Enum):
+    """What one instance of an effect belongs to."""
+
+    JOINT = "joint"
+    LEG = "leg"
+    ROBOT = "robot"
+    BUS = "bus"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of an effect: its unit, bounds, a typical size, and where it is off."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    typical: float
+    off: float
+    source: str  #: of bounds and typical size, or "assumed"
+
+    def check(self, value: float) -> None:
+        """Raise :class:`PhysicsError` when a value is not within the bounds."""
+        if not (math.isfinite(value) and (self.low <= value <= self.high or value == self.off)):
+            raise PhysicsError(
+                f"{self.name} = {value:g} {self.unit} is not within {self.low:g} to "
+                f"{self.high:g} {self.unit}"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One piece of physics of the catalogue.
+
+    ``change(robot, where, values)`` gives the robot with the effect; ``where`` holds the names of
+    joints (:attr:`Scope.JOINT`) or legs (:attr:`Scope.LEG`) and is empty for the rest.
+    """
+
+    name: str
+    group: Group
+    scope: Scope
+    enters: str  #: ``drive``, ``controller``, ``sensor``, ``bus``, ``body`` or ``contact``
+    equation: str
+    source: str
+    parameters: tuple[Parameter, ...]
+    change: Callable[[PhysicalRobot, frozenset[str], Values], PhysicalRobot]
+
+    def parameter(self, name: str) -> Parameter:
+        """A parameter by its name. Raises :class:`PhysicsError`."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        known = ", ".join(p.name for p in self.parameters)
+        raise PhysicsError(f"effect {self.name} has no parameter {name!r}: it has {known}")
+
+    @property
+    def off(self) -> dict[str, float]:
+        """Parameters at which the robot stays as it is."""
+        return {p.name: p.off for p in self.parameters}
+
+    @property
+    def typical(self) -> dict[str, float]:
+        """Parameters of a typical size."""
+        return {p.name: p.typical for p in self.parameters}
+
+    def places(self, robot: PhysicalRobot) -> frozenset[str]:
+        """Every place of a robot where the effect may act."""
+        if self.scope is Scope.JOINT:
+            return frozenset(joint.name for joint in robot.joints)
+        if self.scope is Scope.LEG:
+            return frozenset(leg.name for leg in robot.legs)
+        return frozenset()
+
+    def apply(self, robot: PhysicalRobot, where: Iterable[str], values: Values) -> PhysicalRobot:
+        """The robot with the effect at some places (none named: everywhere).
+
+        Values not given are typical ones. Raises :class:`PhysicsError` for a place the robot does
+        not have, an unknown parameter or a value out of its bounds.
+        """
+        places = self.places(robot)
+        chosen = frozenset(where) or places
+        if unknown := sorted(chosen - places):
+            raise PhysicsError(
+                f"effect {self.name}: {robot.name} has no {self.scope.value} {unknown[0]!r}"
+            )
+        for name, value in values.items():
+            try:
+                self.parameter(name).check(value)
+            except PhysicsError as error:
+                raise PhysicsError(f"effect {self.name}: {error}") from None
+        return self.change(robot, chosen, self.typical | dict(values))
+
+
+def on_joints(change: Callable[[Joint, Values], Joint]) -> Callable[..., PhysicalRobot]:
+    """An effect's ``change`` from what it does to one joint."""
+
+    def everywhere(robot: PhysicalRobot, where: frozenset[str], values: Values) -> PhysicalRobot:
+        joints = tuple(change(j, values) if j.name in where else j for j in robot.joints)
+        return replace(robot, joints=joints)
+
+    return everywhere
+
+
+def on_drives(
+    change: Callable[[DriveParameters, Values], DriveParameters],
+) -> Callable[..., PhysicalRobot]:
+    """An effect's ``change`` from what it does to one servo's drive."""
+    return on_joints(lambda joint, values: replace(joint, drive=change(joint.drive, values)))
