@@ -16,6 +16,7 @@ from busemu.tables import Robot
 
 from .drive.parameters import DriveParameters, read_drive
 from .entries import PhysicsError, Section
+from .reading import Reading
 from .shapes import Kind, Part, Shape
 
 SEGMENTS = ("coxa", "femur", "tibia")
@@ -108,6 +109,7 @@ class PhysicalRobot:
     supply: Supply
     rest_rad: Mapping[str, float]
     neutral_rad: Mapping[str, float]
+    reading: Reading = Reading()
 
     @property
     def mass_kg(self) -> float:

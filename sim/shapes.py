@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Moments = tuple[float, float, float, float, float, float]
 
 
 class Kind(enum.Enum):
@@ -92,16 +94,43 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
-class Inertial:
-    """Mass, centre of mass and principal inertia of a compound, in the frame of its link.
+class MassProperties:
+    """Mass, centre of mass and inertia about it, all in the frame of a body.
 
-    ``axes`` holds the principal axes in its columns (a right-handed rotation).
+    ``inertia_kg_m2`` is the tensor's xx, yy, zz, xy, xz, yz.
     """
 
     mass_kg: float
-    centre_m: Array
-    moments_kg_m2: Array
-    axes: Array
+    centre_m: Vector
+    inertia_kg_m2: Moments
+
+    @property
+    def tensor_kg_m2(self) -> Array:
+        """Inertia about the centre of mass: shape (3, 3)."""
+        xx, yy, zz, xy, xz, yz = self.inertia_kg_m2
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def principal(self) -> tuple[Array, Array]:
+        """Principal moments [kg m^2], and their axes as the columns of a right-handed rotation."""
+        tensor = self.tensor_kg_m2
+        if np.allclose(tensor, np.diag(np.diag(tensor)), rtol=0.0, atol=1e-9 * np.trace(tensor)):
+            return np.diag(tensor).copy(), np.eye(3)
+        moments, axes = np.linalg.eigh(tensor)
+        if np.linalg.det(axes) < 0.0:
+            axes[:, 0] = -axes[:, 0]
+        return moments, axes
+
+    def problem(self) -> str | None:
+        """What no rigid body can have, or ``None``: the sum of two moments is at least the third."""
+        if self.mass_kg == 0.0:
+            return None if not any(self.inertia_kg_m2) else "an inertia without a mass"
+        a, b, c = np.sort(self.principal()[0]).tolist()
+        if a < 0.0 or a + b < c * (1.0 - 1e-6):
+            return (
+                f"principal moments {a:.4g}, {b:.4g} and {c:.4g} kg m^2 belong to no rigid body: "
+                "none may be negative, or more than the sum of the other two"
+            )
+        return None
 
 
 def pitch_matrix(pitch_rad: float) -> Array:
@@ -110,7 +139,7 @@ def pitch_matrix(pitch_rad: float) -> Array:
     return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def inertial(mass_kg: float, shapes: Sequence[Shape]) -> Inertial:
+def spread(mass_kg: float, shapes: Sequence[Shape]) -> MassProperties:
     """Spread a mass evenly over the volume of a compound."""
     volumes = np.array([shape.volume_m3 for shape in shapes])
     masses = mass_kg * volumes / volumes.sum()
@@ -119,12 +148,30 @@ def inertial(mass_kg: float, shapes: Sequence[Shape]) -> Inertial:
     tensor = np.zeros((3, 3))
     for mass, shape, arm in zip(masses, shapes, at - centre, strict=True):
         tensor += mass * (shape.unit_inertia_m2() + arm @ arm * np.eye(3) - np.outer(arm, arm))
-    if np.allclose(tensor, np.diag(np.diag(tensor)), rtol=0.0, atol=1e-9 * np.trace(tensor)):
-        return Inertial(mass_kg, centre, np.diag(tensor).copy(), np.eye(3))
-    moments, axes = np.linalg.eigh(tensor)
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 0] = -axes[:, 0]
-    return Inertial(mass_kg, centre, moments, axes)
+    return _properties(mass_kg, centre, tensor)
+
+
+def together(*parts: MassProperties) -> MassProperties:
+    """Several bodies of one frame as one; parts without mass count for nothing."""
+    heavy = [part for part in parts if part.mass_kg > 0.0]
+    if len(heavy) < 2:
+        return heavy[0] if heavy else parts[0]
+    mass = sum(part.mass_kg for part in heavy)
+    at = [np.array(part.centre_m) for part in heavy]
+    centre = sum((p.mass_kg * c for p, c in zip(heavy, at, strict=True)), np.zeros(3)) / mass
+    tensor = np.zeros((3, 3))
+    for part, place in zip(heavy, at, strict=True):
+        arm = place - centre
+        tensor += part.tensor_kg_m2
+        tensor += part.mass_kg * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return _properties(mass, centre, tensor)
+
+
+def _properties(mass_kg: float, centre: Array, tensor: Array) -> MassProperties:
+    x, y, z = centre.tolist()
+    xx, yy, zz = np.diag(tensor).tolist()
+    off = (float(tensor[0, 1]), float(tensor[0, 2]), float(tensor[1, 2]))
+    return MassProperties(mass_kg, (x, y, z), (xx, yy, zz, *off))
 
 
 def rpy(rotation: Array) -> tuple[float, float, float]:

@@ -6,9 +6,14 @@ the shaft on its load goes out. The servos of one array may as well be candidate
 search. Everything is in the servo's frame, at the output shaft, in SI.
 
 Two masses. The rotor, with its inertia seen through the gear, is integrated here in ``substeps``
-short steps; the output shaft belongs to whoever calls, and is taken to move at constant velocity
-within one call. Between them is the gear: a stiff spring with damping and, if asked for, a dead
-zone. Position is sensed at the output shaft, as the potentiometers of AX-12A and XL-320 do.
+short steps. Between it and the output shaft is the gear: a stiff spring with damping and, if asked
+for, a dead zone. Position is sensed at the output shaft, as the potentiometers of AX-12A and XL-320
+do. The shaft and its load belong
+
+* to a physics engine (:func:`drive`): the shaft is taken to move at constant velocity within one
+  call. A rigid gear (infinite stiffness) is impossible there;
+* or to :func:`rollout`, which moves a load of one joint itself, in the same substeps. There the
+  gear may be rigid: rotor and load are then one mass, which allows much longer steps.
 
 Motor: ``torque = k (duty V - ke w) / R``. With torque disabled the bridge is taken to be open: no
 current, no torque, friction stays (assumed). A duty of 0 with torque enabled brakes.
@@ -31,6 +36,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 # --- parameters: params[field, servo]
 RESISTANCE = 0  #: winding at ambient temperature [ohm]
@@ -58,7 +64,25 @@ AMBIENT = 21  #: [degC]
 HEAT_RESISTANCE = 22  #: winding to ambient [K/W]
 HEAT_TIME = 23  #: time constant of the winding [s]
 RESISTANCE_RISE = 24  #: of the winding's resistance [1/K]
-PARAMS = 25
+GAIN_SCALE = 25  #: of the position law's gains, as the servo has them over what the registers say
+MARGIN_MORE = 26  #: added to both compliance margins [rad]
+PUNCH_MORE = 27  #: added to the punch [duty]
+INTEGRAL_MORE = 28  #: added to the integral gain [1/(rad s)]
+VELOCITY_CAP = 29  #: velocity limit nobody set [rad/s], infinite is none
+DUTY_CAP = 30  #: duty limit nobody set
+CURRENT_CAP = 31  #: of the bridge [A], infinite is none
+DELAY = 32  #: from a command's arrival to the controller [s]
+ZERO_OFFSET = 33  #: of the sensed position [rad]
+WAVE = 34  #: amplitude of the sensor's nonlinearity [rad]
+WAVE_PERIODS = 35  #: of it in a turn
+WAVE_PHASE = 36  #: of it [rad]
+CABLE_STIFFNESS = 37  #: of a cable on the output shaft [N m/rad]
+CABLE_REST = 38  #: angle at which it is slack [rad]
+WINDING_HEAT_RESISTANCE = 39  #: winding to case [K/W], 0 when both are one
+WINDING_HEAT_TIME = 40  #: its time constant [s]
+OVERLOAD_DUTY = 41  #: duty that counts as overload, above 1 is never
+OVERLOAD_TIME = 42  #: how long until the drive shuts down [s]
+PARAMS = 43
 
 # --- commands: commands[field, servo]; see busemu.plant.DriveCommand
 ENABLED = 0  #: 0 or 1
@@ -93,7 +117,27 @@ HEAT = 7  #: winding over ambient [K]
 TORQUE = 8  #: output shaft on its load, mean over the last call [N m]
 CURRENT = 9  #: motor current, mean over the last call [A]
 VOLTAGE = 10  #: at the terminals during the last call [V]
-STATES = 11
+WINDING_HEAT = 11  #: winding over case [K]
+OVERLOADED = 12  #: for how long [s]; negative once it has shut down
+STATES = 13
+
+# --- loads of rollouts: loads[field, job]
+LOAD_INERTIA = 0  #: about the joint's axis [kg m^2]
+SHAFT_POSITION = 1  #: of the output shaft, at the start and then as it moves [rad]
+SHAFT_VELOCITY = 2  #: [rad/s]
+SHAFT_FRICTION = 3  #: Coulomb friction of the load's own bearing [N m]
+LOADS = 4
+
+# --- what a rollout gives of a sample: out[job, sample, channel]
+OUT_POSITION = 0  #: as the servo senses it, without quantisation [rad]
+OUT_VELOCITY = 1  #: [rad/s]
+OUT_DUTY = 2
+OUT_VOLTAGE = 3  #: at the terminals [V]
+OUT_CURRENT = 4  #: of the motor [A]
+OUT_HEAT = 5  #: winding over ambient [K]
+CHANNELS = 6
+
+SUPPLY_EVENT = 100  #: an event's field from here on is one of the supplies'
 
 # --- supplies: supplies[field, group]
 SUPPLY_VOLTAGE = 0  #: without load [V]
@@ -137,7 +181,8 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
         states[RAMP, i] = position
         states[INTEGRAL, i] = 0.0
         states[LAST_POSITION, i] = position
-    reach = commands[VELOCITY_LIMIT, i] * tick_s
+    params = arrays.params
+    reach = min(commands[VELOCITY_LIMIT, i], params[VELOCITY_CAP, i]) * tick_s
     ahead = commands[GOAL_POSITION, i] - states[RAMP, i]
     if ahead > reach:
         states[RAMP, i] += reach
@@ -150,45 +195,78 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
         gain, margin, sign = commands[GAIN_CCW, i], commands[MARGIN_CCW, i], 1.0
     else:
         gain, margin, sign = commands[GAIN_CW, i], commands[MARGIN_CW, i], -1.0
-    beyond = abs(error) - margin
+    gain *= params[GAIN_SCALE, i]
+    beyond = abs(error) - (margin + params[MARGIN_MORE, i])
     if beyond <= 0.0:
         return 0.0
-    limit = commands[DUTY_LIMIT, i]
-    total = states[INTEGRAL, i] + commands[INTEGRAL_GAIN, i] * error * tick_s
+    limit = min(commands[DUTY_LIMIT, i], params[DUTY_CAP, i])
+    integral_gain = commands[INTEGRAL_GAIN, i] + params[INTEGRAL_MORE, i]
+    total = states[INTEGRAL, i] + integral_gain * error * tick_s
     states[INTEGRAL, i] = min(limit, max(-limit, total))  # no wind-up beyond full duty
-    duty = sign * (commands[PUNCH, i] + gain * beyond) + states[INTEGRAL, i]
+    duty = sign * (commands[PUNCH, i] + params[PUNCH_MORE, i] + gain * beyond) + states[INTEGRAL, i]
     moved = position - states[LAST_POSITION, i]
-    return float(duty - commands[DERIVATIVE_GAIN, i] * moved / tick_s)
+    damping = commands[DERIVATIVE_GAIN, i] * params[GAIN_SCALE, i]
+    return float(duty - damping * moved / tick_s)
+
+
+@njit(cache=True)
+def sense(params: Array, i: int, position: float) -> float:
+    """What the position sensor makes of the output shaft's angle, both [rad]."""
+    if params[WAVE, i] != 0.0:
+        angle = params[WAVE_PERIODS, i] * position + params[WAVE_PHASE, i]
+        position += params[WAVE, i] * math.sin(angle)
+    return float(position + params[ZERO_OFFSET, i])
+
+
+@njit(cache=True)
+def control_one(arrays: Arrays, i: int, position: float, velocity: float, tick_s: float) -> None:
+    """One tick of one servo's firmware: sets the duty that holds until the next tick."""
+    params, states, commands = arrays.params, arrays.states, arrays.commands
+    sensed = sense(params, i, position)
+    if params[SENSOR_STEP, i] > 0.0:
+        sensed = math.floor(sensed / params[SENSOR_STEP, i] + 0.5) * params[SENSOR_STEP, i]
+    mode = commands[MODE, i]
+    duty = 0.0
+    regulating = 0.0
+    if not running(arrays, i):
+        pass
+    elif mode == MODE_POSITION:
+        duty = position_law(arrays, i, sensed, tick_s)
+        regulating = 1.0
+    elif mode == MODE_VELOCITY:
+        goal = commands[GOAL_VELOCITY, i]
+        duty = goal / params[VELOCITY_SCALE, i]
+        duty += params[VELOCITY_GAIN, i] * (goal - velocity)
+    else:
+        duty = commands[GOAL_DUTY, i]
+    limit = min(commands[DUTY_LIMIT, i], params[DUTY_CAP, i])
+    duty = min(limit, max(-limit, duty))
+    states[DUTY, i] = duty
+    states[WAS_REGULATING, i] = regulating
+    states[LAST_POSITION, i] = sensed
+    if states[OVERLOADED, i] >= 0.0:
+        if abs(duty) < params[OVERLOAD_DUTY, i]:
+            states[OVERLOADED, i] = 0.0
+        else:
+            states[OVERLOADED, i] += tick_s
+            if states[OVERLOADED, i] > params[OVERLOAD_TIME, i]:
+                states[OVERLOADED, i] = -1.0
+
+
+@njit(cache=True)
+def running(arrays: Arrays, i: int) -> bool:
+    """Whether torque is enabled and the drive has not shut down."""
+    return bool(arrays.commands[ENABLED, i] != 0.0 and arrays.states[OVERLOADED, i] >= 0.0)
 
 
 @njit(cache=True)
 def control(arrays: Arrays, position: Array, velocity: Array, tick_s: float) -> None:
-    """One tick of every servo's firmware: sets the duty that holds until the next tick.
+    """One tick of every servo's firmware.
 
     ``position`` [rad] and ``velocity`` [rad/s] are those of the output shafts at the tick.
     """
-    params, states, commands = arrays.params, arrays.states, arrays.commands
     for i in range(position.size):
-        sensed = position[i]
-        if params[SENSOR_STEP, i] > 0.0:
-            sensed = math.floor(sensed / params[SENSOR_STEP, i] + 0.5) * params[SENSOR_STEP, i]
-        enabled = commands[ENABLED, i] != 0.0
-        mode = commands[MODE, i]
-        duty = 0.0
-        regulating = 0.0
-        if enabled and mode == MODE_POSITION:
-            duty = position_law(arrays, i, sensed, tick_s)
-            regulating = 1.0
-        elif enabled and mode == MODE_VELOCITY:
-            goal = commands[GOAL_VELOCITY, i]
-            duty = goal / params[VELOCITY_SCALE, i]
-            duty += params[VELOCITY_GAIN, i] * (goal - velocity[i])
-        elif enabled:
-            duty = commands[GOAL_DUTY, i]
-        limit = commands[DUTY_LIMIT, i]
-        states[DUTY, i] = min(limit, max(-limit, duty))
-        states[WAS_REGULATING, i] = regulating
-        states[LAST_POSITION, i] = sensed
+        control_one(arrays, i, position[i], velocity[i], tick_s)
 
 
 @njit(cache=True)
@@ -206,49 +284,80 @@ def gear_torque(params: Array, i: int, twist: float, twist_rate: float) -> float
 
 
 @njit(cache=True)
-def share_supply(arrays: Arrays) -> None:
-    """Terminal voltage of every servo, with the sag its group's current causes.
+def winding_resistance(arrays: Arrays, i: int) -> float:
+    """Resistance of a winding at its temperature [ohm]."""
+    params, states = arrays.params, arrays.states
+    heat = states[HEAT, i] + states[WINDING_HEAT, i]
+    return float(params[RESISTANCE, i] * (1.0 + params[RESISTANCE_RISE, i] * heat))
 
-    Servos are split evenly, in order, over the groups of ``supplies``. What a bridge draws is
-    ``duty`` times its motor's current; the sag is solved for, not iterated. Never below 0, never
-    above the unloaded voltage (a diode keeps current from flowing back; assumed).
+
+@njit(cache=True)
+def share_supply(arrays: Arrays, group: int, first: int, last: int) -> None:
+    """Terminal voltage of the servos ``first`` to ``last - 1``, with the sag their current causes.
+
+    What a bridge draws is ``duty`` times its motor's current; the sag is solved for, not iterated.
+    Never below 0, never above the unloaded voltage (a diode keeps current from flowing back;
+    assumed).
     """
-    params, states, commands, supplies = arrays
-    groups = supplies.shape[1]
-    size = states.shape[1] // groups
-    for g in range(groups):
-        source = supplies[SUPPLY_VOLTAGE, g]
-        conductance = 0.0
-        returned = 0.0
-        for i in range(g * size, (g + 1) * size):
-            if commands[ENABLED, i] != 0.0:
-                duty = states[DUTY, i]
-                resistance = params[RESISTANCE, i]
-                resistance *= 1.0 + params[RESISTANCE_RISE, i] * states[HEAT, i]
-                conductance += duty * duty / resistance
-                returned += duty * params[BACK_EMF, i] * states[ROTOR_VELOCITY, i] / resistance
-        inner = supplies[SUPPLY_RESISTANCE, g]
-        voltage = (source + inner * returned) / (1.0 + inner * conductance)
-        voltage = min(source, max(0.0, voltage))
-        for i in range(g * size, (g + 1) * size):
-            states[VOLTAGE, i] = voltage
+    params, states, _, supplies = arrays
+    source = supplies[SUPPLY_VOLTAGE, group]
+    conductance = 0.0
+    returned = 0.0
+    for i in range(first, last):
+        if running(arrays, i):
+            duty = states[DUTY, i]
+            resistance = winding_resistance(arrays, i)
+            conductance += duty * duty / resistance
+            returned += duty * params[BACK_EMF, i] * states[ROTOR_VELOCITY, i] / resistance
+    inner = supplies[SUPPLY_RESISTANCE, group]
+    voltage = (source + inner * returned) / (1.0 + inner * conductance)
+    voltage = min(source, max(0.0, voltage))
+    for i in range(first, last):
+        states[VOLTAGE, i] = voltage
+
+
+@njit(cache=True)
+def warm(arrays: Arrays, i: int, power: float, step_s: float) -> None:
+    """Heat of winding and case after ``step_s`` at a mean loss [W]."""
+    params, states = arrays.params, arrays.states
+    gain = params[HEAT_RESISTANCE, i] * power - states[HEAT, i]
+    states[HEAT, i] += step_s / params[HEAT_TIME, i] * gain
+    gain = params[WINDING_HEAT_RESISTANCE, i] * power - states[WINDING_HEAT, i]
+    states[WINDING_HEAT, i] += step_s / params[WINDING_HEAT_TIME, i] * gain
+
+
+@njit(cache=True)
+def motor_current(arrays: Arrays, i: int, speed: float, resistance: float) -> float:
+    """Current of a motor at a rotor's velocity [A]."""
+    params, states = arrays.params, arrays.states
+    volts = states[DUTY, i] * states[VOLTAGE, i] - params[BACK_EMF, i] * speed
+    cap = params[CURRENT_CAP, i]
+    return float(min(cap, max(-cap, volts / resistance)))
+
+
+@njit(cache=True)
+def cable_torque(params: Array, i: int, position: float) -> float:
+    """Torque of a cable on the output shaft [N m]."""
+    return float(params[CABLE_STIFFNESS, i] * (params[CABLE_REST, i] - position))
 
 
 @njit(cache=True)
 def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, substeps: int) -> None:
     """Move every rotor by ``step_s``; ``states[TORQUE]`` is then the mean torque on the load.
 
-    ``position`` [rad] and ``velocity`` [rad/s] are those of the output shafts at the beginning.
+    ``position`` [rad] and ``velocity`` [rad/s] are those of the output shafts at the beginning. The
+    servos are split evenly, in order, over the groups of ``supplies``.
     """
-    params, states, commands, _ = arrays
-    share_supply(arrays)
+    params, states, _, supplies = arrays
+    groups = supplies.shape[1]
+    size = position.size // groups
+    for g in range(groups):
+        share_supply(arrays, g, g * size, (g + 1) * size)
     dt = step_s / substeps
     for i in range(position.size):
-        heat = states[HEAT, i]
-        resistance = params[RESISTANCE, i] * (1.0 + params[RESISTANCE_RISE, i] * heat)
+        resistance = winding_resistance(arrays, i)
         inertia = params[ROTOR_INERTIA, i]
-        drive_v = states[DUTY, i] * states[VOLTAGE, i]
-        enabled = commands[ENABLED, i] != 0.0
+        enabled = running(arrays, i)
         angle = states[ROTOR_POSITION, i]
         speed = states[ROTOR_VELOCITY, i]
         torque_sum = 0.0
@@ -259,7 +368,7 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
             load = gear_torque(params, i, angle - shaft, speed - velocity[i])
             current = 0.0
             if enabled:
-                current = (drive_v - params[BACK_EMF, i] * speed) / resistance
+                current = motor_current(arrays, i, speed, resistance)
             motor = params[TORQUE_CONSTANT, i] * current
             level = friction_level(params, i, speed, motor, -load)
             stop = -(inertia * speed / dt + motor - load)
@@ -272,7 +381,130 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
         states[ROTOR_POSITION, i] = angle
         states[ROTOR_VELOCITY, i] = speed
         states[TORQUE, i] = torque_sum / substeps
+        if params[CABLE_STIFFNESS, i] != 0.0:
+            states[TORQUE, i] += cable_torque(params, i, position[i])
         states[CURRENT, i] = current_sum / substeps
-        power = resistance * square_sum / substeps
-        gain = params[HEAT_RESISTANCE, i] * power - heat
-        states[HEAT, i] = heat + step_s / params[HEAT_TIME, i] * gain
+        warm(arrays, i, resistance * square_sum / substeps, step_s)
+
+
+class Jobs(NamedTuple):
+    """What the jobs of one :func:`rollout` have to do; jobs of one recording share its events.
+
+    ``recording`` (jobs,) says which. ``events`` (n, 3) are time [s], field and value, ``samples``
+    (n,) times [s], both ascending within a recording and from ``event_range`` and ``sample_range``
+    (recordings + 1,). The torque of gravity is ``cos(q) gravity[0] - sin(q) gravity[1]`` with the
+    columns of ``gravity`` (n, 2) from ``gravity_range`` (jobs + 1,), spread evenly over the job's
+    time and interpolated; one row is a constant. ``end_s`` (recordings,) ends the rollout.
+    """
+
+    recording: Integers
+    events: Array
+    event_range: Integers
+    samples: Array
+    sample_range: Integers
+    gravity: Array
+    gravity_range: Integers
+    end_s: Array
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rollout(
+    arrays: Arrays,
+    loads: Array,
+    jobs: Jobs,
+    tick_s: float,
+    substeps: int,
+    first: int,
+    last: int,
+    out: Array,
+) -> None:
+    """Run the jobs ``first`` to ``last - 1``, each from its start, into ``out[job, sample]``.
+
+    One column of ``arrays`` and ``loads`` a job, and one supply. The rotor's inertia and a rigid
+    gear (infinite stiffness) make one mass with the load.
+    """
+    for job in range(first, last):
+        roll_one(arrays, loads, jobs, tick_s, substeps, job, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
+    arrays: Arrays, loads: Array, jobs: Jobs, tick_s: float, substeps: int, job: int, out: Array
+) -> None:
+    """One job of :func:`rollout`."""
+    params, states, commands, supplies = arrays
+    recording = jobs.recording[job]
+    event, last_event = jobs.event_range[recording], jobs.event_range[recording + 1]
+    sample, last_sample = jobs.sample_range[recording], jobs.sample_range[recording + 1]
+    first_sample = sample
+    low, rows = jobs.gravity_range[job], jobs.gravity_range[job + 1] - jobs.gravity_range[job]
+    sine, cosine = jobs.gravity[low, 1], jobs.gravity[low, 0]
+    end = jobs.end_s[recording]
+    rigid = math.isinf(params[GEAR_STIFFNESS, job]) and params[BACKLASH, job] == 0.0
+    rotor_inertia, load_inertia = params[ROTOR_INERTIA, job], loads[LOAD_INERTIA, job]
+    if rigid:
+        rotor_inertia += load_inertia
+    dt = tick_s / substeps
+    shaft, pace = loads[SHAFT_POSITION, job], loads[SHAFT_VELOCITY, job]
+    bearing = loads[SHAFT_FRICTION, job]
+    states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job] = shaft, pace
+    ticks = math.ceil(end / tick_s) + 1
+    for tick in range(ticks):
+        now = tick * tick_s
+        while event < last_event and jobs.events[event, 0] + params[DELAY, job] <= now:
+            field = int(jobs.events[event, 1])
+            if field >= SUPPLY_EVENT:
+                supplies[field - SUPPLY_EVENT, job] = jobs.events[event, 2]
+            else:
+                commands[field, job] = jobs.events[event, 2]
+            event += 1
+        before, before_pace = sense(params, job, shaft), pace
+        control_one(arrays, job, shaft, pace, tick_s)
+        share_supply(arrays, job, job, job + 1)
+        if rows > 1:
+            place = now / end * (rows - 1)
+            k = min(int(place), rows - 2)
+            part = place - k
+            sine = (1.0 - part) * jobs.gravity[low + k, 1] + part * jobs.gravity[low + k + 1, 1]
+            cosine = (1.0 - part) * jobs.gravity[low + k, 0] + part * jobs.gravity[low + k + 1, 0]
+        resistance = winding_resistance(arrays, job)
+        enabled = running(arrays, job)
+        angle, speed = states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job]
+        current_sum, square_sum = 0.0, 0.0
+        for _ in range(substeps):
+            outer = cosine * math.cos(shaft) - sine * math.sin(shaft)
+            if params[CABLE_STIFFNESS, job] != 0.0:
+                outer += cable_torque(params, job, shaft)
+            current = 0.0
+            if enabled:
+                current = motor_current(arrays, job, speed, resistance)
+            motor = params[TORQUE_CONSTANT, job] * current
+            load = -outer
+            if not rigid:
+                load = gear_torque(params, job, angle - shaft, speed - pace)
+            level = friction_level(params, job, speed, motor, -load)
+            stop = -(rotor_inertia * speed / dt + motor - load)
+            speed += dt / rotor_inertia * (motor - load + min(level, max(-level, stop)))
+            angle += dt * speed
+            if rigid:
+                shaft, pace = angle, speed
+            else:
+                stop = -(load_inertia * pace / dt + load + outer)
+                pace += dt / load_inertia * (load + outer + min(bearing, max(-bearing, stop)))
+                shaft += dt * pace
+            current_sum += current
+            square_sum += current * current
+        states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job] = angle, speed
+        states[CURRENT, job] = current_sum / substeps
+        warm(arrays, job, resistance * square_sum / substeps, tick_s)
+        after = sense(params, job, shaft)
+        while sample < last_sample and jobs.samples[sample] <= now + tick_s:
+            part = max(0.0, (jobs.samples[sample] - now) / tick_s)
+            row = out[job, sample - first_sample]
+            row[OUT_POSITION] = before + part * (after - before)
+            row[OUT_VELOCITY] = before_pace + part * (pace - before_pace)
+            row[OUT_DUTY] = states[DUTY, job]
+            row[OUT_VOLTAGE] = states[VOLTAGE, job]
+            row[OUT_CURRENT] = states[CURRENT, job]
+            row[OUT_HEAT] = states[HEAT, job] + states[WINDING_HEAT, job]
+            sample += 1

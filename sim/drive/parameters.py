@@ -61,30 +61,36 @@ class Friction:
     quadratic_motor_per_nm: float = 0.0
     quadratic_external_per_nm: float = 0.0
 
-    def fill(self, column: Array) -> None:
-        """Write these numbers into a column of the kernel's parameter array."""
-        column[kernel.COULOMB] = self.coulomb_nm
-        column[kernel.VISCOUS] = self.viscous_nm_s_rad
-        column[kernel.STRIBECK] = self.stribeck_nm
-        column[kernel.STRIBECK_VELOCITY] = self.stribeck_velocity_rad_s
-        column[kernel.STRIBECK_EXPONENT] = self.stribeck_exponent
-        column[kernel.LOAD_MOTOR] = self.load_motor
-        column[kernel.LOAD_EXTERNAL] = self.load_external
-        column[kernel.LOAD_MOTOR_STRIBECK] = self.load_motor_stribeck
-        column[kernel.LOAD_EXTERNAL_STRIBECK] = self.load_external_stribeck
-        column[kernel.QUADRATIC_MOTOR] = self.quadratic_motor_per_nm
-        column[kernel.QUADRATIC_EXTERNAL] = self.quadratic_external_per_nm
-
     def level_nm(self, velocity_rad_s: float, motor_nm: float, external_nm: float) -> float:
         """The friction level [N m], as the compiled step has it."""
         column = np.zeros((kernel.PARAMS, 1))
-        self.fill(column)
+        for name, field in _FRICTION_FIELDS.items():
+            column[field] = getattr(self, name)
         return float(kernel.friction_level(column, 0, velocity_rad_s, motor_nm, external_nm))
+
+
+_FRICTION_FIELDS = {
+    "coulomb_nm": kernel.COULOMB,
+    "viscous_nm_s_rad": kernel.VISCOUS,
+    "stribeck_nm": kernel.STRIBECK,
+    "stribeck_velocity_rad_s": kernel.STRIBECK_VELOCITY,
+    "stribeck_exponent": kernel.STRIBECK_EXPONENT,
+    "load_motor": kernel.LOAD_MOTOR,
+    "load_external": kernel.LOAD_EXTERNAL,
+    "load_motor_stribeck": kernel.LOAD_MOTOR_STRIBECK,
+    "load_external_stribeck": kernel.LOAD_EXTERNAL_STRIBECK,
+    "quadratic_motor_per_nm": kernel.QUADRATIC_MOTOR,
+    "quadratic_external_per_nm": kernel.QUADRATIC_EXTERNAL,
+}
 
 
 @dataclass(frozen=True, slots=True)
 class DriveParameters:
-    """Everything about one model of servo that its drive needs. All at the output shaft, SI."""
+    """Everything about one servo that its drive needs. All at the output shaft, SI.
+
+    Below ``resistance_rise_per_k`` stands what a data sheet does not tell and the catalogue of
+    effects switches on; the values here are off.
+    """
 
     data_sheet: DataSheet
     resistance_ohm: float
@@ -102,6 +108,24 @@ class DriveParameters:
     heat_resistance_k_w: float
     heat_time_constant_s: float
     resistance_rise_per_k: float
+    gain_scale: float = 1.0
+    margin_more_rad: float = 0.0
+    punch_more: float = 0.0
+    integral_more_per_rad_s: float = 0.0
+    velocity_cap_rad_s: float = math.inf
+    duty_cap: float = 1.0
+    current_cap_a: float = math.inf
+    delay_s: float = 0.0
+    zero_offset_rad: float = 0.0
+    wave_rad: float = 0.0
+    wave_periods: float = 1.0
+    wave_phase_rad: float = 0.0
+    cable_stiffness_nm_rad: float = 0.0
+    cable_rest_rad: float = 0.0
+    winding_heat_resistance_k_w: float = 0.0
+    winding_heat_time_s: float = 1.0
+    overload_duty: float = math.inf
+    overload_time_s: float = 1.0
 
     def stall_torque_nm(self, voltage_v: float) -> float:
         """Largest torque the shaft can raise a load with at a voltage, cold."""
@@ -140,22 +164,47 @@ class DriveParameters:
     def column(self) -> Array:
         """These parameters as one column of the kernel's parameter array."""
         column = np.zeros(kernel.PARAMS)
-        column[kernel.RESISTANCE] = self.resistance_ohm
-        column[kernel.TORQUE_CONSTANT] = self.torque_constant_nm_a
-        column[kernel.BACK_EMF] = self.back_emf_v_s_rad
-        column[kernel.ROTOR_INERTIA] = self.rotor_inertia_kg_m2
-        self.friction.fill(column)
-        column[kernel.GEAR_STIFFNESS] = self.gear_stiffness_nm_rad
-        column[kernel.GEAR_DAMPING] = self.gear_damping_nm_s_rad
-        column[kernel.BACKLASH] = self.backlash_rad
-        column[kernel.SENSOR_STEP] = self.sensor_step_rad
-        column[kernel.VELOCITY_SCALE] = self.velocity_full_scale_rad_s
-        column[kernel.VELOCITY_GAIN] = self.velocity_gain_s_rad
-        column[kernel.AMBIENT] = self.ambient_c
-        column[kernel.HEAT_RESISTANCE] = self.heat_resistance_k_w
-        column[kernel.HEAT_TIME] = self.heat_time_constant_s
-        column[kernel.RESISTANCE_RISE] = self.resistance_rise_per_k
+        for name, field in _FIELDS.items():
+            column[field] = getattr(self, name)
+        for name, field in _FRICTION_FIELDS.items():
+            column[field] = getattr(self.friction, name)
         return column
+
+
+_FIELDS = {
+    "resistance_ohm": kernel.RESISTANCE,
+    "torque_constant_nm_a": kernel.TORQUE_CONSTANT,
+    "back_emf_v_s_rad": kernel.BACK_EMF,
+    "rotor_inertia_kg_m2": kernel.ROTOR_INERTIA,
+    "gear_stiffness_nm_rad": kernel.GEAR_STIFFNESS,
+    "gear_damping_nm_s_rad": kernel.GEAR_DAMPING,
+    "backlash_rad": kernel.BACKLASH,
+    "sensor_step_rad": kernel.SENSOR_STEP,
+    "velocity_full_scale_rad_s": kernel.VELOCITY_SCALE,
+    "velocity_gain_s_rad": kernel.VELOCITY_GAIN,
+    "ambient_c": kernel.AMBIENT,
+    "heat_resistance_k_w": kernel.HEAT_RESISTANCE,
+    "heat_time_constant_s": kernel.HEAT_TIME,
+    "resistance_rise_per_k": kernel.RESISTANCE_RISE,
+    "gain_scale": kernel.GAIN_SCALE,
+    "margin_more_rad": kernel.MARGIN_MORE,
+    "punch_more": kernel.PUNCH_MORE,
+    "integral_more_per_rad_s": kernel.INTEGRAL_MORE,
+    "velocity_cap_rad_s": kernel.VELOCITY_CAP,
+    "duty_cap": kernel.DUTY_CAP,
+    "current_cap_a": kernel.CURRENT_CAP,
+    "delay_s": kernel.DELAY,
+    "zero_offset_rad": kernel.ZERO_OFFSET,
+    "wave_rad": kernel.WAVE,
+    "wave_periods": kernel.WAVE_PERIODS,
+    "wave_phase_rad": kernel.WAVE_PHASE,
+    "cable_stiffness_nm_rad": kernel.CABLE_STIFFNESS,
+    "cable_rest_rad": kernel.CABLE_REST,
+    "winding_heat_resistance_k_w": kernel.WINDING_HEAT_RESISTANCE,
+    "winding_heat_time_s": kernel.WINDING_HEAT_TIME,
+    "overload_duty": kernel.OVERLOAD_DUTY,
+    "overload_time_s": kernel.OVERLOAD_TIME,
+}
 
 
 def pack(drives: Sequence[DriveParameters]) -> Array:

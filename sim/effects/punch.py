@@ -1,0 +1,28 @@
+"""A least duty beyond the dead zone that the registers do not tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from .effect import Effect, Group, Parameter, Scope, on_drives
+
+EFFECT = Effect(
+    name="punch",
+    group=Group.CONTROLLER,
+    scope=Scope.JOINT,
+    enters="controller",
+    equation="duty = sign(error) (punch + gain (|error| - margin))",
+    source="punch, ROBOTIS e-manual",
+    parameters=(
+        Parameter(
+            "duty",
+            "(ratio)",
+            0.0,
+            0.5,
+            typical=0.031,
+            off=0.0,
+            source="32 of 1023, ROBOTIS e-manual",
+        ),
+    ),
+    change=on_drives(lambda d, v: replace(d, punch_more=d.punch_more + v["duty"])),
+)
