@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from busemu.tables import Robot
@@ -109,7 +109,7 @@ class PhysicalRobot:
     supply: Supply
     rest_rad: Mapping[str, float]
     neutral_rad: Mapping[str, float]
-    reading: Reading = Reading()
+    reading: Reading = field(default_factory=Reading)
 
     @property
     def mass_kg(self) -> float:

@@ -8,7 +8,6 @@ model to the bit.
 from __future__ import annotations
 
 import enum
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -53,7 +52,7 @@ class Parameter:
 
     def check(self, value: float) -> None:
         """Raise :class:`PhysicsError` when a value is not within the bounds."""
-        if not (math.isfinite(value) and (self.low <= value <= self.high or value == self.off)):
+        if not (value == self.off or self.low <= value <= self.high):  # no bound holds for NaN
             raise PhysicsError(
                 f"{self.name} = {value:g} {self.unit} is not within {self.low:g} to "
                 f"{self.high:g} {self.unit}"
