@@ -29,7 +29,7 @@ EFFECT = Effect(
             0.2,
             300.0,
             typical=10.0,
-            off=10.0,
+            off=1.0,
             source="assumed",
         ),
     ),
