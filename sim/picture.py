@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 
-from .robot import PhysicalRobot, read_physics
+from .robot import read_physics
+from .tree import PhysicalRobot
 from .world import Camera, Pixels, World
 
 SQUARE_M = 0.10
@@ -83,8 +84,9 @@ def render(
 
 
 def _reach_m(robot: PhysicalRobot) -> float:
-    mounts = max(math.hypot(leg.x_m, leg.y_m) for leg in robot.legs)
-    return mounts + robot.foot_m(robot.neutral_rad)[0]
+    return max(
+        math.hypot(leg.x_m, leg.y_m) + leg.foot_m(robot.neutral_rad)[0] for leg in robot.legs
+    )
 
 
 def _camera(robot: PhysicalRobot, reach_m: float, width: int, height: int) -> Camera:

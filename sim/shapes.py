@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .entries import Section
+
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Moments = tuple[float, float, float, float, float, float]
@@ -121,7 +123,7 @@ class MassProperties:
         return moments, axes
 
     def problem(self) -> str | None:
-        """What no rigid body can have, or ``None``: the sum of two moments is at least the third."""
+        """What is wrong with it, or ``None``: two moments must sum to the third or more."""
         if self.mass_kg == 0.0:
             return None if not any(self.inertia_kg_m2) else "an inertia without a mass"
         a, b, c = np.sort(self.principal()[0]).tolist()
@@ -182,3 +184,21 @@ def rpy(rotation: Array) -> tuple[float, float, float]:
     roll = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
     yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
     return roll, pitch, yaw
+
+
+def read_shapes(section: Section) -> tuple[Shape, ...]:
+    """The ``[[shape]]`` entries of a section; at least one must be there."""
+    return tuple(_shape(row) for row in section.sections("shape"))
+
+
+def _shape(section: Section) -> Shape:
+    section.only("kind", "part", "size_m", "at_m", "pitch_rad")
+    kind = Kind(section.word("kind", tuple(k.value for k in Kind)))
+    x, y, z = section.numbers("at_m", "m", 3, -2.0, 2.0)
+    return Shape(
+        kind=kind,
+        size_m=section.numbers("size_m", "m", kind.sizes, 1e-4, 2.0),
+        at_m=(x, y, z),
+        part=Part(section.word("part", tuple(p.value for p in Part))),
+        pitch_rad=section.number("pitch_rad", "rad", -math.pi, math.pi, default=0.0),
+    )

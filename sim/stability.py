@@ -35,13 +35,10 @@ def stiffness_number(params: Array, inverse_mass: Array, step_s: float) -> float
     return float(np.linalg.eigvalsh(0.5 * (symmetric + symmetric.T))[-1])
 
 
-def require_stable(params: Array, inverse_mass: Array, step_s: float, where: str) -> float:
-    """The stiffness number, or :class:`PhysicsError` when it is beyond :data:`LARGEST`."""
-    number = stiffness_number(params, inverse_mass, step_s)
-    if not number <= LARGEST:
-        raise PhysicsError(
-            f"{where}: gear_stiffness_nm_rad and gear_damping_nm_s_rad are too high for these "
-            f"links at a step of {step_s * 1e3:g} ms: k h^2/I + c h/I is {number:.3g}, at most "
-            f"{LARGEST:g} is allowed; soften the gear or shorten the step"
-        )
-    return number
+def too_stiff(number: float, step_s: float, where: str) -> PhysicsError:
+    """The error for a stiffness number beyond :data:`LARGEST`."""
+    return PhysicsError(
+        f"{where}: gear_stiffness_nm_rad and gear_damping_nm_s_rad are too high for these "
+        f"links at a step of {step_s * 1e3:g} ms: k h^2/I + c h/I is {number:.3g}, at most "
+        f"{LARGEST:g} is allowed; soften the gear or shorten the step"
+    )

@@ -21,7 +21,7 @@ from busemu.plant import DriveCommand, ServoState
 from .drive import kernel
 from .drive.bank import DriveBank, command_column
 from .drive.kernel import Array
-from .robot import PhysicalRobot
+from .tree import PhysicalRobot
 
 TICK_S = (
     0.001  #: period of the servo's control interrupt; source: measured on AX-12+ (ROBOTIS forum)

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from .drive.parameters import DriveParameters
 from .entries import PhysicsError
+from .reading import Reading
 from .shapes import MassProperties, Shape, Vector, together
 
 SEGMENTS = ("coxa", "femur", "tibia")
@@ -176,7 +177,8 @@ class PhysicalRobot:
     rest_rad: Mapping[str, float]
     neutral_rad: Mapping[str, float]
     payload: Payload | None = None
-    ground: Ground = Ground()
+    ground: Ground = field(default_factory=Ground)
+    reading: Reading = field(default_factory=Reading)
 
     @property
     def mass_kg(self) -> float:
@@ -222,4 +224,3 @@ class PhysicalRobot:
             return 0.0
         feet = max(leg.foot.radius_m - leg.foot_m(by_segment)[2] for leg in self.legs)
         return max(feet, -self.trunk.belly_m)
-

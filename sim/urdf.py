@@ -1,8 +1,7 @@
 """URDF text of a robot: one file, pure shapes, no meshes.
 
 Joint names are those of the robot's file (``leg1.coxa``); a link is named ``<joint>.link``; the
-trunk is ``trunk``. Frames are those of :mod:`sim.robot`: at all angles zero, every link of a leg
-has x outward, z up, and the next joint's axis at ``x = length_m``.
+root is ``trunk``, or ``base`` where it is fixed. Frames are those of :mod:`sim.tree`.
 """
 
 from __future__ import annotations
@@ -11,8 +10,11 @@ import math
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
-from .robot import SEGMENTS, Joint, PhysicalRobot
-from .shapes import Array, Kind, Part, Shape, inertial, pitch_matrix, rpy
+from .entries import PhysicsError
+from .shapes import Array, Kind, MassProperties, Part, Shape, pitch_matrix, rpy
+from .tree import Body, Joint, PhysicalRobot
+
+FIXED = MassProperties(1.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0))  #: it does not move
 
 COLOURS: dict[Part, tuple[float, float, float]] = {
     Part.TRUNK: (0.93, 0.55, 0.13),
@@ -23,7 +25,11 @@ COLOURS: dict[Part, tuple[float, float, float]] = {
 
 
 def urdf(robot: PhysicalRobot) -> str:
-    """The whole robot as URDF text."""
+    """The whole robot as URDF text.
+
+    Raises :class:`sim.entries.PhysicsError` for a body without mass, which the engine would take
+    for one that is fixed.
+    """
     joints = {joint.name: joint for joint in robot.joints}
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
     for part, colour in COLOURS.items():
@@ -31,27 +37,32 @@ def urdf(robot: PhysicalRobot) -> str:
         lines.append(
             f'  <material name="{part.value}"><color rgba="{rgb} 1"/></material>',
         )
-    lines += _link("trunk", robot.trunk.mass_kg, robot.trunk.shapes)
-    for leg in robot.legs:
-        parent, origin = "trunk", f'xyz="{_triple((leg.x_m, leg.y_m, 0.0))}" '
-        origin += f'rpy="0 0 {_number(leg.yaw_rad)}"'
-        for segment in SEGMENTS:
-            joint = joints[f"{leg.name}.{segment}"]
-            link = robot.links[segment]
-            lines += _joint(joint, parent, origin)
-            parent = f"{joint.name}.link"
-            lines += _link(parent, link.mass_kg, link.shapes)
-            origin = f'xyz="{_triple((link.length_m, 0.0, 0.0))}" rpy="0 0 0"'
+    if robot.trunk is None:
+        root = "base"
+        lines += _link(root, FIXED, ())
+    else:
+        root = "trunk"
+        lines += _link(root, robot.trunk_mass, robot.trunk.shapes)
+    for body in robot.bodies:
+        parent = root if body.parent is None else f"{body.parent}.link"
+        mass = robot.mass_of(body)
+        if mass.mass_kg <= 0.0:
+            raise PhysicsError(
+                f"{robot.name}: body {body.name} has no mass: give it mass_kg, or a payload_kg"
+            )
+        lines += _joint(joints[body.name], body, parent)
+        lines += _link(f"{body.name}.link", mass, body.shapes)
     lines.append("</robot>")
     return "\n".join(lines) + "\n"
 
 
-def _joint(joint: Joint, parent: str, origin: str) -> Iterator[str]:
-    axis = "0 0 1" if joint.segment == "coxa" else "0 -1 0"
+def _joint(joint: Joint, body: Body, parent: str) -> Iterator[str]:
+    origin = f'xyz="{_triple(body.at_m)}" rpy="0 0 {_number(body.yaw_rad)}"'
     yield f'  <joint name={quoteattr(joint.name)} type="revolute">'
     yield f"    <origin {origin}/>"
-    yield f'    <parent link={quoteattr(parent)}/><child link="{joint.name}.link"/>'
-    yield f'    <axis xyz="{axis}"/>'
+    yield f"    <parent link={quoteattr(parent)}/>"
+    yield f"    <child link={quoteattr(f'{body.name}.link')}/>"
+    yield f'    <axis xyz="{_triple(body.axis)}"/>'
     yield (
         f'    <limit lower="{_number(joint.lower_rad)}" upper="{_number(joint.upper_rad)}" '
         f'effort="{_number(10.0 * joint.drive.data_sheet.stall_torque_nm)}" '
@@ -61,13 +72,13 @@ def _joint(joint: Joint, parent: str, origin: str) -> Iterator[str]:
     yield "  </joint>"
 
 
-def _link(name: str, mass_kg: float, shapes: Sequence[Shape]) -> Iterator[str]:
-    body = inertial(mass_kg, shapes)
-    ixx, iyy, izz = (_number(moment) for moment in body.moments_kg_m2)
+def _link(name: str, mass: MassProperties, shapes: Sequence[Shape]) -> Iterator[str]:
+    moments, axes = mass.principal()
+    ixx, iyy, izz = (_number(moment) for moment in moments)
     yield f"  <link name={quoteattr(name)}>"
     yield "    <inertial>"
-    yield f'      <origin xyz="{_triple(body.centre_m)}" rpy="{_triple(rpy(body.axes))}"/>'
-    yield f'      <mass value="{_number(mass_kg)}"/>'
+    yield f'      <origin xyz="{_triple(mass.centre_m)}" rpy="{_triple(rpy(axes))}"/>'
+    yield f'      <mass value="{_number(mass.mass_kg)}"/>'
     yield f'      <inertia ixx="{ixx}" ixy="0" ixz="0" iyy="{iyy}" iyz="0" izz="{izz}"/>'
     yield "    </inertial>"
     for shape in shapes:

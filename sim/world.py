@@ -10,20 +10,24 @@ from __future__ import annotations
 import contextlib
 import math
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from busemu.tables import Robot
 
+from .condition import under
 from .drive.kernel import Array
+from .drive.parameters import pack
 from .quiet import quiet_stderr
-from .robot import PhysicalRobot, read_physics
-from .stability import require_stable
+from .robot import read_physics
+from .stability import LARGEST, stiffness_number, too_stiff
 from .stepped import TICK_S, SteppedPlant
+from .tree import PhysicalRobot
 from .urdf import urdf
 
 with quiet_stderr():  # it announces its build time
@@ -31,8 +35,7 @@ with quiet_stderr():  # it announces its build time
 
 Pixels = NDArray[np.uint8]
 
-GRAVITY_M_S2 = 9.81
-STEPS_PER_TICK = 1  #: steps of 1 ms: see BulletPlant
+STEPS_PER_TICK = (1, 2, 4, 8)  #: hexapods take the first, rigs the first that is stable
 SUBSTEPS = 10  #: of the rotors within a step
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 LIGHT = (0.6, -0.5, 1.6)  #: where the light of pictures comes from
@@ -70,26 +73,19 @@ class World:
             raise
 
     def _build(self, robot: PhysicalRobot, step_s: float, held: bool) -> None:
-        pybullet.setGravity(0.0, 0.0, -GRAVITY_M_S2, **self._on)
+        fixed = held or robot.trunk is None
+        pybullet.setGravity(*robot.ground.gravity_m_s2, **self._on)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=step_s, numSubSteps=0, deterministicOverlappingPairs=1, **self._on
         )
-        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, **self._on)
-        floor = pybullet.createVisualShape(
-            pybullet.GEOM_BOX,
-            halfExtents=[FLOOR_M, FLOOR_M, FLOOR_DEPTH_M],
-            visualFramePosition=[0.0, 0.0, -FLOOR_DEPTH_M],
-            rgbaColor=[1.0, 1.0, 1.0, 1.0],
-            **self._on,
-        )
-        self._ground = pybullet.createMultiBody(0.0, plane, floor, **self._on)
-        pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=1.0, **self._on)
+        if robot.trunk is not None:
+            self._lay_ground()
         with tempfile.TemporaryDirectory(prefix="busemu-") as folder:
             path = Path(folder) / "robot.urdf"
             path.write_text(urdf(robot), "utf-8")
             self._body = pybullet.loadURDF(
                 str(path),
-                useFixedBase=held,
+                useFixedBase=fixed,
                 flags=pybullet.URDF_USE_INERTIA_FROM_FILE
                 | pybullet.URDF_USE_SELF_COLLISION
                 | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT
@@ -101,11 +97,12 @@ class World:
             number[pybullet.getJointInfo(self._body, i, **self._on)[1].decode()] = i
         self._joints = [number[joint.name] for joint in robot.joints]
         self._feet = {number[f"{leg.name}.tibia"]: leg.name for leg in robot.legs}
+        own = {number[f"{leg.name}.tibia"]: leg.foot.friction for leg in robot.legs}
         for link in (-1, *number.values()):
             pybullet.changeDynamics(
                 self._body,
                 link,
-                lateralFriction=robot.contact.friction,
+                lateralFriction=own.get(link, robot.contact.friction),
                 restitution=robot.contact.restitution,
                 linearDamping=0.0,
                 angularDamping=0.0,
@@ -121,12 +118,30 @@ class World:
         )
         local = pybullet.getDynamicsInfo(self._body, -1, **self._on)
         self._to_frame = pybullet.invertTransform(local[3], local[4])
-        self._tip_m = (robot.links["tibia"].length_m, 0.0, 0.0)
+        self._tip_m = {leg.name: (leg.lengths_m["tibia"], 0.0, 0.0) for leg in robot.legs}
         self._from_frame = (local[3], local[4])
+        self._free = robot.trunk is not None
         self._order = {joint.name: i for i, joint in enumerate(robot.joints)}
         rest = robot.posture(robot.rest_rad)
-        height = HELD_HEIGHT_M if held else robot.height_m(robot.rest_rad)
+        lying = robot.trunk is not None and not held
+        height = robot.height_m(robot.rest_rad) if lying else HELD_HEIGHT_M
         self.place((0.0, 0.0, height), LEVEL, rest)
+
+    def set_step(self, step_s: float) -> None:
+        """Make every further step so long."""
+        pybullet.setPhysicsEngineParameter(fixedTimeStep=step_s, **self._on)
+
+    def _lay_ground(self) -> None:
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, **self._on)
+        floor = pybullet.createVisualShape(
+            pybullet.GEOM_BOX,
+            halfExtents=[FLOOR_M, FLOOR_M, FLOOR_DEPTH_M],
+            visualFramePosition=[0.0, 0.0, -FLOOR_DEPTH_M],
+            rgbaColor=[1.0, 1.0, 1.0, 1.0],
+            **self._on,
+        )
+        self._ground = pybullet.createMultiBody(0.0, plane, floor, **self._on)
+        pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=1.0, **self._on)
 
     def place(
         self,
@@ -172,7 +187,7 @@ class World:
             state = pybullet.getLinkState(
                 self._body, link, computeForwardKinematics=True, **self._on
             )
-            where[leg] = pybullet.multiplyTransforms(state[4], state[5], self._tip_m, LEVEL)[0]
+            where[leg] = pybullet.multiplyTransforms(state[4], state[5], self._tip_m[leg], LEVEL)[0]
         return where
 
     def observe(self) -> dict[str, float]:
@@ -181,14 +196,7 @@ class World:
         Yaw is the heading about +z, pitch the nose-up angle about x (right), roll the angle about
         y (forward), positive with the right side down; all zero when level and facing +y.
         """
-        position, orientation = self.base()
-        r = pybullet.getMatrixFromQuaternion(orientation)
-        seen = dict(
-            zip(("mocap/base_x_m", "mocap/base_y_m", "mocap/base_z_m"), position, strict=True)
-        )
-        seen["mocap/base_roll_rad"] = math.atan2(-r[6], r[8])
-        seen["mocap/base_pitch_rad"] = math.asin(max(-1.0, min(1.0, r[7])))
-        seen["mocap/base_yaw_rad"] = math.atan2(-r[1], r[4])
+        seen = self._pose() if self._free else {}
         forces = dict.fromkeys(self._feet.values(), 0.0)
         trunk = own = 0.0
         for point in pybullet.getContactPoints(self._body, **self._on):
@@ -201,8 +209,20 @@ class World:
                 trunk += force
         for leg, force in forces.items():
             seen[f"contact/{leg}_n"] = force
-        seen["contact/trunk_n"] = trunk
+        if self._free:
+            seen["contact/trunk_n"] = trunk
         seen["contact/self_n"] = own
+        return seen
+
+    def _pose(self) -> dict[str, float]:
+        position, orientation = self.base()
+        r = pybullet.getMatrixFromQuaternion(orientation)
+        seen = dict(
+            zip(("mocap/base_x_m", "mocap/base_y_m", "mocap/base_z_m"), position, strict=True)
+        )
+        seen["mocap/base_roll_rad"] = math.atan2(-r[6], r[8])
+        seen["mocap/base_pitch_rad"] = math.asin(max(-1.0, min(1.0, r[7])))
+        seen["mocap/base_yaw_rad"] = math.atan2(-r[1], r[4])
         return seen
 
     def photograph(self, camera: Camera) -> tuple[Pixels, NDArray[np.bool_]]:
@@ -254,8 +274,10 @@ class BulletPlant(SteppedPlant):
     at most 2 mrad and 0.4 mrad RMS (a count of the sensor is 5 mrad); on the ground the instants of
     contacts differ more, and no less with shorter steps.
 
-    It starts lying on its belly in the posture ``[rest]`` of its file, torque off. ``held`` fixes
-    the trunk in the air, ``trunk_load_kg`` is added to the trunk. Raises
+    A hexapod starts lying on its belly in the posture ``[rest]`` of its file, torque off. ``held``
+    fixes the trunk in the air, ``trunk_load_kg`` is added to the trunk. A rig's base is always
+    fixed, and where a light load on a stiff gear asks for it, its steps are shorter.
+    ``condition`` are words of a recording (:func:`sim.condition.under`). Raises
     :class:`sim.entries.PhysicsError` when the file's physics cannot be used or is too stiff for
     the step.
     """
@@ -266,31 +288,42 @@ class BulletPlant(SteppedPlant):
         *,
         held: bool = False,
         trunk_load_kg: float = 0.0,
-        steps_per_tick: int = STEPS_PER_TICK,
+        condition: Mapping[str, Any] | None = None,
+        steps_per_tick: int | None = None,
         substeps: int = SUBSTEPS,
     ) -> None:
         physical = read_physics(robot, trunk_load_kg=trunk_load_kg)
+        physical = under(physical, condition or {})
         self.robot = physical
-        self.world = World(physical, step_s=TICK_S / steps_per_tick, held=held)
+        self.world = World(physical, step_s=TICK_S / (steps_per_tick or 1), held=held)
         try:
-            super().__init__(physical, self.world, steps_per_tick=steps_per_tick, substeps=substeps)
-            self.stiffness_number = self._require_stable(str(robot.path))
+            choices = (steps_per_tick,) if steps_per_tick else STEPS_PER_TICK
+            if steps_per_tick is None and physical.trunk is not None:
+                choices = STEPS_PER_TICK[:1]
+            chosen = self._stable(choices, str(robot.path))
+            self.world.set_step(TICK_S / chosen)
+            super().__init__(physical, self.world, steps_per_tick=chosen, substeps=substeps)
         except BaseException:
             self.world.close()
             raise
 
-    def _require_stable(self, where: str) -> float:
-        """Check the gears lying, standing and with every leg stretched out, the stiffest of all."""
+    def _stable(self, choices: Sequence[int], where: str) -> int:
+        """Steps per tick that the gears bear at rest, neutral, and stretched out, the stiffest."""
         robot, world = self.robot, self.world
         stretched = {j.name: min(j.upper_rad, max(j.lower_rad, 0.0)) for j in robot.joints}
         rest, neutral = robot.posture(robot.rest_rad), robot.posture(robot.neutral_rad)
         position, orientation = world.base()
-        highest = 0.0
+        masses = []
         for posture in (stretched, neutral, rest):
             world.place(position, orientation, posture)
-            number = require_stable(self.bank.params, world.inverse_mass(), self.step_s, where)
-            highest = max(highest, number)
-        return highest
+            masses.append(world.inverse_mass())
+        params = pack([joint.drive for joint in robot.joints])
+        for steps in choices:
+            step_s = TICK_S / steps
+            self.stiffness_number = max(stiffness_number(params, m, step_s) for m in masses)
+            if self.stiffness_number <= LARGEST:
+                return steps
+        raise too_stiff(self.stiffness_number, step_s, where)
 
 
 def plant(robot: Robot) -> BulletPlant:

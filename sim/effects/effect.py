@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from ..drive.parameters import DriveParameters
 from ..entries import PhysicsError
-from ..robot import Joint, PhysicalRobot
+from ..tree import Joint, PhysicalRobot
 
 Values = Mapping[str, float]
 

@@ -15,8 +15,8 @@ from busemu.plant import DriveCommand
 from busemu.tables import Robot, load_robot
 from sim.drive import kernel
 from sim.robot import SEGMENTS, read_physics
-from sim.shapes import inertial
-from sim.world import GRAVITY_M_S2, BulletPlant, World
+from sim.tree import GRAVITY_M_S2
+from sim.world import BulletPlant, World
 
 Make = Callable[..., BulletPlant]
 LEVEL = (0.0, 0.0, 0.0, 1.0)
@@ -86,8 +86,8 @@ def test_the_engine_takes_the_inertia_of_the_shapes(robot: Robot) -> None:
     physical = read_physics(robot)
     world = World(physical, step_s=0.001, held=True)
     mass = np.linalg.inv(world.inverse_mass())
-    tibia = inertial(physical.links["tibia"].mass_kg, physical.links["tibia"].shapes)
-    about_centre = (tibia.axes @ np.diag(tibia.moments_kg_m2) @ tibia.axes.T)[1, 1]
+    tibia = physical.body("leg1.tibia").mass
+    about_centre = tibia.inertia_kg_m2[1]
     arm = math.hypot(tibia.centre_m[0], tibia.centre_m[2])
     for i, joint in enumerate(physical.joints):
         if joint.segment == "tibia":
