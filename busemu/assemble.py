@@ -27,7 +27,13 @@ def assemble(
     """
     try:
         servos = [
-            Servo(mount, robot.tables[mount.servo_id], plant, robot.baud_rate)
+            Servo(
+                mount,
+                robot.tables[mount.servo_id],
+                plant,
+                robot.baud_rate,
+                eeprom_byte_s=profile.eeprom_byte_s,
+            )
             for mount in robot.servos
         ]
     except ValueError as error:

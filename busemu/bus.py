@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from . import usb2ax
 from .group import GroupRead, group_read, group_writes, superpose
 from .plant import Plant
 from .protocol import (
@@ -86,7 +87,7 @@ class Bus:
         self._heard = bytearray()  #: bytes of the host that are no whole packet yet
         self._heard_s = start_s  #: when the first of them began
         for index, servo in enumerate(self.servos):
-            self._schedule(
+            self.schedule(
                 start_s + HOUSEKEEPING_S * index / len(self.servos),
                 partial(self._keep_house, servo),
             )
@@ -105,7 +106,7 @@ class Bus:
         self._last_byte_s = self._out_free_s
         if start_s < self._reply_s[1] and self._reply_s[0] < self._out_free_s:
             self.counts.errors += 1
-            self._tell(WireEventKind.COLLISION, start_s, self._out_free_s, data)
+            self.tell(WireEventKind.COLLISION, start_s, self._out_free_s, data)
             return
         for index in range(len(data)):
             if not self._heard:
@@ -116,7 +117,7 @@ class Bus:
                     self._noise(packet, byte_s)
                     continue
                 end_s = start_s + (index + 1) * byte_s
-                self._tell(WireEventKind.INSTRUCTION, self._heard_s, end_s, bytes(self._heard))
+                self.tell(WireEventKind.INSTRUCTION, self._heard_s, end_s, bytes(self._heard))
                 self._heard.clear()
                 self._take(packet, end_s)
 
@@ -161,9 +162,9 @@ class Bus:
 
         def recur(now_s: float) -> None:
             event(now_s)
-            self._schedule(now_s + period_s, recur)
+            self.schedule(now_s + period_s, recur)
 
-        self._schedule(self.plant_s, recur)
+        self.schedule(self.plant_s, recur)
 
     # -- packets -------------------------------------------------------------------------------
 
@@ -171,10 +172,13 @@ class Bus:
         latch_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
         if isinstance(packet, BadPacket):
             self.counts.errors += 1
-            self._schedule(latch_s, partial(self._refuse, packet, end_s))
+            self.schedule(latch_s, partial(self._refuse, packet, end_s))
         elif isinstance(packet, InstructionPacket):
             self.counts.transactions += 1
-            self._schedule(latch_s, partial(self._execute, packet, end_s))
+            if self.protocol == 1.0 and usb2ax.answers(packet, self.profile):
+                self.schedule(end_s, usb2ax.SyncRead(self, packet.parameters))
+                return
+            self.schedule(latch_s, partial(self._execute, packet, end_s))
 
     def _hears(self, servo: Servo, now_s: float) -> bool:
         """Whether a servo can read the host's bytes: awake, and at its baud rate."""
@@ -185,7 +189,7 @@ class Bus:
     def _listening(self, now_s: float) -> list[Servo]:
         return [servo for servo in self.servos if self._hears(servo, now_s)]
 
-    def _addressed(self, servo_id: int, now_s: float) -> list[Servo]:
+    def addressed(self, servo_id: int, now_s: float) -> list[Servo]:
         """The servos of one ID, of those that hear: one, none, or several by mistake."""
         return [s for s in self.servos if s.servo_id == servo_id and self._hears(s, now_s)]
 
@@ -193,7 +197,7 @@ class Bus:
         self._answer(
             [
                 (servo.return_delay_s, servo.status(Refusal.CHECKSUM))
-                for servo in self._addressed(packet.servo_id, now_s)
+                for servo in self.addressed(packet.servo_id, now_s)
                 if servo.answers(Instruction.WRITE)
             ],
             end_s,
@@ -229,17 +233,17 @@ class Bus:
             return
         slot_s = max(before_s, asked_s + ids[0] * self.profile.ping_slot_s)
         if now_s < slot_s:
-            self._schedule(slot_s, partial(self._introduce, ids, asked_s, before_s))
+            self.schedule(slot_s, partial(self._introduce, ids, asked_s, before_s))
             return
         replies = [
             (servo.return_delay_s, servo.status(None, servo.identity()))
-            for servo in self._addressed(ids[0], now_s)
+            for servo in self.addressed(ids[0], now_s)
         ]
         end_s = self._answer(replies, slot_s)
-        self._schedule(max(now_s, end_s), partial(self._introduce, ids[1:], asked_s, end_s))
+        self.schedule(max(now_s, end_s), partial(self._introduce, ids[1:], asked_s, end_s))
 
     def _single(self, packet: InstructionPacket, end_s: float, now_s: float) -> None:
-        addressed = self._addressed(packet.servo_id, now_s)
+        addressed = self.addressed(packet.servo_id, now_s)
         if not addressed:
             self.counts.errors += 1
         replies: list[tuple[float, StatusPacket]] = []
@@ -256,7 +260,7 @@ class Bus:
             return
         servo_id, address, length = reads.items[index]
         replies: list[tuple[float, StatusPacket]] = []
-        for servo in self._addressed(servo_id, now_s):
+        for servo in self.addressed(servo_id, now_s):
             if servo.supports(reads.instruction) and servo.answers(Instruction.READ):
                 refusal, data = servo.read(address, length)
                 replies.append((servo.return_delay_s, servo.status(refusal, data)))
@@ -265,7 +269,7 @@ class Bus:
             return
         end_s = self._answer(replies, before_s, chained=index > 0)
         turn_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
-        self._schedule(turn_s, partial(self._chain, reads, index + 1, end_s))
+        self.schedule(turn_s, partial(self._chain, reads, index + 1, end_s))
 
     def _fast(self, reads: GroupRead, asked_s: float, now_s: float) -> None:
         """A fast read: one packet that the servos send in turn, each its own block, without a gap.
@@ -277,7 +281,7 @@ class Bus:
         blocks: list[tuple[int, int, bytes]] = []
         delay_s = 0.0
         for servo_id, address, length in reads.items:
-            servo = next(iter(self._addressed(servo_id, now_s)), None)
+            servo = next(iter(self.addressed(servo_id, now_s)), None)
             able = servo is not None and servo.supports(reads.instruction)
             if servo is None or not able or not servo.answers(Instruction.READ):
                 self.counts.errors += 1
@@ -330,7 +334,7 @@ class Bus:
         collided = collided or lost > 0
         self.counts.errors += collided
         kind = WireEventKind.COLLISION if collided else WireEventKind.STATUS
-        self._tell(kind, start_s, end_s, data)
+        self.tell(kind, start_s, end_s, data)
         self._reply_s = max(self._reply_s, (start_s, end_s))
         self._last_byte_s = max(self._last_byte_s, end_s)
         if data[lost:]:
@@ -341,17 +345,25 @@ class Bus:
 
     # -- the rest ------------------------------------------------------------------------------
 
-    def _schedule(self, at_s: float, event: Event) -> None:
+    def schedule(self, at_s: float, event: Event) -> None:
+        """Have ``event`` called with the instant ``at_s`` [s], once the plant is there."""
         heapq.heappush(self._events, (at_s, next(self._order), event))
+
+    def hand_up(self, data: bytes, at_s: float) -> None:
+        """Give the host bytes that the adapter made itself at ``at_s``; it was busy until then."""
+        self.counts.replies += 1
+        self._out_free_s = max(self._out_free_s, at_s)
+        self._uplink.carry(data, at_s, 0.0)
 
     def _noise(self, noise: Noise | None, byte_s: float) -> None:
         if noise is not None:
             self.counts.noise_bytes += len(noise.data)
             end_s = self._heard_s + len(noise.data) * byte_s
-            self._tell(WireEventKind.NOISE, self._heard_s, end_s, noise.data)
+            self.tell(WireEventKind.NOISE, self._heard_s, end_s, noise.data)
             self._heard_s = end_s
             del self._heard[: len(noise.data)]
 
-    def _tell(self, kind: WireEventKind, start_s: float, end_s: float, data: bytes) -> None:
+    def tell(self, kind: WireEventKind, start_s: float, end_s: float, data: bytes) -> None:
+        """Say that the wire carries bytes from ``start_s`` to ``end_s``."""
         if self.on_wire is not None:
             self.on_wire(WireEvent(kind, start_s, end_s, data))

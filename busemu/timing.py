@@ -66,6 +66,8 @@ class Profile:
     interrupt_busy_s: float = 0.0
     chain_lead_s: float = 0.0  #: how much sooner than its return delay a chained reply begins
     ping_slot_s: float = 0.0  #: spacing of replies to a broadcast ping, times the ID
+    usb2ax_timeout_s: float = 0.0  #: of the adapter's own sync read, for a servo; 0: it has none
+    eeprom_byte_s: float = 0.0  #: a servo is deaf so long for each byte of EEPROM written
     instant: bool = False  #: no time at all, not even on the wire
 
     def byte_s(self, baud_rate: int) -> float:

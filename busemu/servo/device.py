@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import MappingProxyType
 
 from ..plant import Plant
 from ..protocol import BROADCAST_ID, Instruction, StatusPacket
 from ..tables import ControlTable, ServoMount
+from .backup import RESTORE, Backup
 from .indirect import Indirect, Run
 from .memory import Memory
 from .registers import behaviour
@@ -26,12 +28,17 @@ SINGLE = frozenset(
         Instruction.ACTION,
         Instruction.FACTORY_RESET,
         Instruction.REBOOT,
+        Instruction.CLEAR,
+        Instruction.CONTROL_TABLE_BACKUP,
     }
 )
 #: Instructions that bring data, which status return level 1 answers. Level 0 answers ping only.
 READING = frozenset(
     {Instruction.PING, Instruction.READ, Instruction.SYNC_READ, Instruction.BULK_READ}
 )
+#: What a clear instruction names to have the turns forgotten, and errors. Source: e-manual,
+#: protocol2; the second is for the models whose table says ``drive.clears_errors``.
+CLEAR_TURNS, CLEAR_ERRORS = b"\x01DXL\x22", b"\x02ERCL"
 _FACTORY_RESET_KEEPS = MappingProxyType(
     {0xFF: frozenset[str](), 0x01: frozenset({"id"}), 0x02: frozenset({"id", "baud_rate"})}
 )
@@ -40,12 +47,22 @@ _FACTORY_RESET_KEEPS = MappingProxyType(
 class Servo:
     """A servo of one model, wired to one joint of a plant.
 
-    Time enters as ``now_s`` [s, the bus's clock]; the plant must have been advanced to it.
+    Time enters as ``now_s`` [s, the bus's clock]; the plant must have been advanced to it. While it
+    writes its EEPROM, ``eeprom_byte_s`` [s] a byte, it does not listen; ``on_eeprom`` is called
+    whenever it has written there.
     """
 
     def __init__(
-        self, mount: ServoMount, table: ControlTable, plant: Plant, baud_rate: int
+        self,
+        mount: ServoMount,
+        table: ControlTable,
+        plant: Plant,
+        baud_rate: int,
+        *,
+        eeprom_byte_s: float = 0.0,
     ) -> None:
+        self.on_eeprom: Callable[[], object] | None = None
+        self._eeprom_byte_s = eeprom_byte_s
         self.joint = mount.joint
         self.table = table
         self.memory = Memory(table, mount.registers.get("firmware_version"))
@@ -57,6 +74,7 @@ class Servo:
         self._now_s: float | None = None  #: the latest instant it was told of
         self._heard_s = 0.0  #: when it last had an instruction
         self._indirect = Indirect(self.memory)
+        self.backup = Backup(self.memory)
         self._behaviour = behaviour(self.memory)
         firmware = self.memory["firmware_version"]
         self._instructions = frozenset(
@@ -76,6 +94,7 @@ class Servo:
         memory.reset(r for r in self.table.registers if r.area == "RAM")
         self.protection = Protection(self.table)
         self._registered = None
+        self.backup.start_up()
         self._behaviour.power_on(self._plant.sample(self._plant_id), self._now_s or 0.0)
         self._hear()
         self._command()
@@ -102,7 +121,7 @@ class Servo:
         return self.memory.si("return_delay_time")
 
     def listens(self, now_s: float) -> bool:
-        """Whether it takes packets in: not so while it reboots.
+        """Whether it takes packets in: not so while it reboots or writes its EEPROM.
 
         The bus asks this before it hands over anything at ``now_s``, which is also how
         :meth:`read` and :meth:`write` know what time it is.
@@ -140,12 +159,10 @@ class Servo:
         silent = servo_id == BROADCAST_ID or not self.answers(instruction)
         own_id = self.servo_id
         everyone = servo_id == BROADCAST_ID
-        if instruction == Instruction.REBOOT and self.supports(instruction):
-            status = self.status()
+        refusal, data = self._carry_out(instruction, parameters, everyone=everyone)
+        status = self.status(refusal, data if refusal is None else b"")
+        if refusal is None and self._ends_in_reboot(instruction, parameters):
             self._reboot(now_s)
-        else:
-            refusal, data = self._carry_out(instruction, parameters, everyone=everyone)
-            status = self.status(refusal, data if refusal is None else b"")
         return None if silent else StatusPacket(own_id, status.error, status.parameters)
 
     def _carry_out(
@@ -161,7 +178,13 @@ class Servo:
             refusal = self._action()
         elif instruction == Instruction.FACTORY_RESET:
             refusal = self._factory_reset(parameters, everyone=everyone)
-        else:
+        elif instruction == Instruction.CLEAR:
+            refusal = self._clear(parameters)
+        elif instruction == Instruction.CONTROL_TABLE_BACKUP:
+            refusal = self.backup.carry_out(parameters)
+            if refusal is None:
+                self._eeprom_written(self.backup.size)
+        elif instruction != Instruction.REBOOT:
             refusal, data = self._access(instruction, parameters)
         return refusal, data
 
@@ -246,6 +269,17 @@ class Servo:
             memory["torque_enable"] = 0
         self._hear()
         self._command()
+        in_eeprom = self.memory.eeprom_bytes(runs)
+        if in_eeprom:
+            self._eeprom_written(in_eeprom)
+
+    def _eeprom_written(self, count: int) -> None:
+        """Be deaf for as long as so many bytes take; the next instruction finds them there."""
+        self._deaf_until_s = max(
+            self._deaf_until_s, (self._now_s or 0.0) + count * self._eeprom_byte_s
+        )
+        if self.on_eeprom is not None:
+            self.on_eeprom()
 
     def _register(self, address: int, data: bytes) -> Refusal | None:
         refusal = self._check(self._runs(address, data))
@@ -278,13 +312,43 @@ class Servo:
             keeps = _FACTORY_RESET_KEEPS[parameters[0]]
         elif parameters:
             return Refusal.LENGTH
-        self.memory.reset(r for r in self.table.registers if r.writable and r.name not in keeps)
+        renewed = [r for r in self.table.registers if r.writable and r.name not in keeps]
+        self.memory.reset(renewed)
         self._power_on()
+        self._eeprom_written(sum(r.size for r in renewed if r.area == "EEPROM"))
         return None
+
+    def _clear(self, parameters: bytes) -> Refusal | None:
+        """Forget the turns, at standstill only; forget errors, where the model does that.
+
+        Anything else is reserved (e-manual); which error answers it is assumed.
+        """
+        if len(parameters) != len(CLEAR_TURNS):
+            return Refusal.LENGTH
+        if parameters == CLEAR_TURNS:
+            if self._shown("moving"):
+                return Refusal.RESULT
+            self._behaviour.forget_turns(self._plant.sample(self._plant_id), self._now_s or 0.0)
+            self._command()
+            return None
+        if parameters != CLEAR_ERRORS or not self.table.drive.get("clears_errors"):
+            return Refusal.RANGE
+        self.protection.clear_all(self._plant.sample(self._plant_id), self.memory)
+        return Refusal.RESULT if self.protection.alarms else None
+
+    def _shown(self, name: str) -> int:
+        """A register as a read would bring it now."""
+        self._behaviour.show(self._plant.sample(self._plant_id), self._now_s or 0.0)
+        return self.memory[name]
+
+    def _ends_in_reboot(self, instruction: int, parameters: bytes) -> bool:
+        """Whether the servo reboots once it has answered."""
+        restores = instruction == Instruction.CONTROL_TABLE_BACKUP and parameters[0] == RESTORE
+        return restores or instruction == Instruction.REBOOT
 
     def _reboot(self, now_s: float) -> None:
         self._power_on()
-        self._deaf_until_s = now_s + REBOOT_S
+        self._deaf_until_s = max(self._deaf_until_s, now_s + REBOOT_S)
 
     # -- what goes on without any instruction --------------------------------------------------
 

@@ -151,6 +151,12 @@ class JointWheel:
         if names & HOMING:
             self._home(state)
 
+    def forget_turns(self, state: ServoState, now_s: float) -> None:
+        """Have the present position be within one turn; the goal is where the servo stands."""
+        self._home(state)
+        self.show(state, now_s)
+        self._memory["goal_position"] = self._memory["present_position"]
+
     def show(self, state: ServoState, now_s: float) -> None:
         """Put the drive's state into the ``present_*`` registers (all but ``present_load``)."""
         memory = self._memory

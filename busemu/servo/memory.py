@@ -109,6 +109,14 @@ class Memory:
                 held[offset] = data[index]
         return int.from_bytes(held, "little")
 
+    def eeprom_bytes(self, runs: Iterable[tuple[int, bytes]]) -> int:
+        """How many bytes of writes, each an address and its data, lie in the EEPROM area."""
+        return sum(
+            (register := self._at[at]) is not None and register.area == "EEPROM"
+            for address, data in runs
+            for at in range(address, address + len(data))
+        )
+
     def store(self, address: int, data: bytes) -> None:
         """Store a checked write."""
         for offset, value in enumerate(data):

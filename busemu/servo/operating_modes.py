@@ -186,6 +186,11 @@ class OperatingModes:
         memory.clip("goal_position", present)
         self._profile = Profile(present, present, now_s)
 
+    def forget_turns(self, state: ServoState, now_s: float) -> None:
+        """The present position becomes that within a single turn, and the goal with it."""
+        self._home(state)
+        self._rest(state, now_s)
+
     def _home(self, state: ServoState) -> None:
         """Forget the turns: the present position becomes that within a single turn."""
         self._turn = self._shaft_count(state.position_rad) // self._turn_counts

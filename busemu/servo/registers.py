@@ -42,6 +42,9 @@ class Behaviour(Protocol):
     def written(self, names: Set[str], state: ServoState, now_s: float) -> None:
         """Draw the conclusions from registers that were just written."""
 
+    def forget_turns(self, state: ServoState, now_s: float) -> None:
+        """Have the present position be within one turn; the servo holds where it stands."""
+
     def idle(self, state: ServoState, now_s: float, silent_s: float) -> bool:
         """Housekeeping; true where the command has changed.
 

@@ -39,12 +39,8 @@ class Protection:
 
     def watch(self, state: ServoState, memory: Memory, now_s: float) -> bool:
         """Update the alarms; true when the servo must shut down because of one it now holds."""
-        alarms = self.alarms & (HELD | self._shutting_down(memory))
-        low, high = memory.si("min_voltage_limit"), memory.si("max_voltage_limit")
-        if not low <= round(state.voltage_v, 1) <= high:
-            alarms |= Alarm.VOLTAGE
-        if state.temperature_c > memory.si("temperature_limit"):
-            alarms |= Alarm.OVERHEATING
+        self.alarms &= HELD | self._shutting_down(memory)
+        self._watch_causes(state, memory)
         stalled = (
             abs(state.duty) >= self._share and abs(state.velocity_rad_s) < STALL_VELOCITY_RAD_S
         )
@@ -53,9 +49,16 @@ class Protection:
         elif self._stalled_since_s is None:
             self._stalled_since_s = now_s
         elif now_s - self._stalled_since_s >= self._allowed_s:
-            alarms |= Alarm.OVERLOAD
-        self.alarms = alarms
+            self.alarms |= Alarm.OVERLOAD
         return bool(self.coded() & memory["shutdown"])
+
+    def _watch_causes(self, state: ServoState, memory: Memory) -> None:
+        """Note the alarms that last as long as their cause does."""
+        low, high = memory.si("min_voltage_limit"), memory.si("max_voltage_limit")
+        if not low <= round(state.voltage_v, 1) <= high:
+            self.alarms |= Alarm.VOLTAGE
+        if state.temperature_c > memory.si("temperature_limit"):
+            self.alarms |= Alarm.OVERHEATING
 
     def coded(self) -> int:
         """The alarms as bits of the model's ``shutdown`` register."""
@@ -73,6 +76,12 @@ class Protection:
                 if bit & memory["shutdown"]:
                     found |= alarm
         return found
+
+    def clear_all(self, state: ServoState, memory: Memory) -> None:
+        """Forget every alarm whose cause is over, as an error clear asks for."""
+        self.alarms = Alarm.NONE
+        self._stalled_since_s = None
+        self._watch_causes(state, memory)
 
     def clear(self) -> None:
         """Forget a held overload."""
