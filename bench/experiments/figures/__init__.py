@@ -1,0 +1,1 @@
+"""A figure an experiment, laid out as the thesis's."""

@@ -1,0 +1,147 @@
+"""The position error as a torque sensor: no servo here has another one.
+
+At rest a servo's position law turns the error of its position into a duty, and the duty, by the
+motor's constants, into the torque it can hold: ``torque = duty * stall torque``, a straight line
+that ends at the stall torque (the thesis's figure 21). Gear friction can hold as much as
+``friction_nm`` more or less, whichever way the joint came; the joint data does not tell which.
+
+A moving motor has less: ``torque = stall torque * (duty - velocity / no-load velocity)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from busemu.plant import DriveCommand, ServoState, position_duty
+from busemu.servo.memory import Memory
+from busemu.servo.registers import behaviour
+from busemu.tables import ControlTable, Robot, ServoMount
+from sim.drive.parameters import DriveParameters, read_drive
+from sim.entries import Section
+
+from ..recording import Recording
+
+Floats = NDArray[np.float64]
+
+#: Registers that say where to go and whether, and nothing of how: they do not change the law.
+NOT_THE_LAW = frozenset({"goal_position", "torque_enable", "torque_limit", "moving_speed"})
+
+
+def position_law(
+    table: ControlTable, registers: Mapping[str, int], firmware_version: int | None = None
+) -> DriveCommand:
+    """The position law of a servo with these raw registers, torque on, at the full torque limit.
+
+    All other registers have their factory values.
+    """
+    memory = Memory(table, firmware_version)
+    for name, raw in registers.items():
+        memory[name] = raw
+    rules = behaviour(memory)
+    at_rest = ServoState(0.0, 0.0, 0.0, 0.0, 0.0, 12.0, 25.0)
+    rules.power_on(at_rest, 0.0)  # the torque limit is then the one the EEPROM gives
+    for name, raw in registers.items():
+        memory[name] = raw
+    memory["torque_enable"] = 1
+    return rules.command()
+
+
+def drive_of(robot: Robot, model: str) -> DriveParameters:
+    """The drive of a servo model as the robot's file has it; :class:`sim.entries.PhysicsError`."""
+    return read_drive(Section(robot.path, "", robot.document).section("drive").section(model))
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueSensor:
+    """Torque of one joint from its position error. Errors and torques in the joint's frame."""
+
+    joint: str
+    law: DriveCommand
+    drive: DriveParameters
+    direction: int
+    count_rad: float  #: resolution of the position
+
+    @classmethod
+    def of(cls, robot: Robot, mount: ServoMount, registers: Mapping[str, int]) -> TorqueSensor:
+        """The sensor of a joint whose servo has these raw ``registers``, else factory values."""
+        table = robot.tables[mount.servo_id]
+        return cls(
+            mount.joint,
+            position_law(table, registers),
+            drive_of(robot, mount.model),
+            mount.direction,
+            table["present_position"].si_scale,
+        )
+
+    @classmethod
+    def of_recording(cls, recording: Recording, robot: Robot, joint: str) -> TorqueSensor:
+        """The sensor of a joint with the registers that a recording's metadata and writes give."""
+        mount = robot.by_joint[joint]
+        servo = recording.metadata.get("servo", {}).get(str(mount.servo_id), {})
+        registers = dict(servo.get("registers", {}))
+        for servo_id, name, op in recording.by_series:
+            if servo_id == mount.servo_id and op == "write" and name not in NOT_THE_LAW:
+                registers[name] = int(recording.series(servo_id, name, "write").value[-1])
+        return cls.of(robot, mount, registers)
+
+    @property
+    def stall_nm(self) -> float:
+        """Stall torque of the data sheet [N m]: the unit in which the thesis gives torques."""
+        return self.drive.data_sheet.stall_torque_nm
+
+    @property
+    def friction_nm(self) -> float:
+        """What friction can hold at rest [N m]."""
+        return self.drive.friction.level_nm(0.0, 0.0, 0.0)
+
+    @property
+    def full_error_rad(self) -> float:
+        """The smallest error that brings full duty [rad]: the end of the straight line."""
+        spare = self.law.duty_limit - self.law.punch_duty
+        return self.law.margin_ccw_rad + spare / self.law.gain_ccw_per_rad
+
+    def stall_at_nm(self, voltage_v: float) -> float:
+        """Stall torque at a voltage of the terminals [N m]."""
+        return self.drive.stall_torque_nm(voltage_v)
+
+    def slope_nm_rad(self, voltage_v: float) -> float:
+        """Slope of torque against error where it is straight [N m/rad]."""
+        return self.law.gain_ccw_per_rad * self.stall_at_nm(voltage_v)
+
+    def duty(self, error_rad: Floats) -> Floats:
+        """Duty, -1 to 1, at errors of the joint [rad]; same shape."""
+        counts = np.rint(np.nan_to_num(self.direction * error_rad) / self.count_rad)
+        values, inverse = np.unique(counts, return_inverse=True)
+        duties = np.array(
+            [
+                position_duty(replace(self.law, goal_position_rad=n * self.count_rad), 0.0)
+                for n in values.tolist()
+            ]
+        )
+        duty: Floats = self.direction * duties[inverse].reshape(np.shape(error_rad))
+        return np.where(np.isnan(error_rad), np.nan, duty)
+
+    def torque_nm(
+        self,
+        error_rad: Floats,
+        voltage_v: Floats | float,
+        velocity_rad_s: Floats | float = 0.0,
+    ) -> Floats:
+        """Torque of the servo on the joint [N m] at errors [rad]; at rest unless a velocity is given.
+
+        ``voltage_v``: at the servo's terminals.
+        """
+        stall_nm = self._stall_nm(voltage_v)
+        no_load = self.drive.data_sheet.no_load_velocity_rad_s
+        no_load = no_load * np.asarray(voltage_v) / self.drive.data_sheet.voltage_v
+        torque: Floats = stall_nm * (self.duty(error_rad) - np.asarray(velocity_rad_s) / no_load)
+        return torque
+
+    def _stall_nm(self, voltage_v: Floats | float) -> Floats:
+        values, inverse = np.unique(np.asarray(voltage_v, dtype=float), return_inverse=True)
+        stalls = np.array([self.stall_at_nm(v) for v in values.tolist()])
+        return np.asarray(stalls[inverse].reshape(np.shape(voltage_v)))

@@ -1,0 +1,335 @@
+"""Servo check: torque against position error, with one joint blocked (thesis, figures 29 and 33).
+
+The coxa of one leg is driven gently against a block, first on one side, then on the other, and its
+goal goes on into the block and back: the position error grows from nothing to past full duty. The
+leg is raised like a mast, so that it is light and clear of its neighbours. Emulated, the block is
+the joint's mechanical stop; on a real robot it is a clamp.
+
+Two lines come out. Duty against error needs ``present_load`` only, and shows the position law of
+any servo, real or not. Torque against error needs someone who knows the torque: here what stands
+beside an emulated robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from busemu.tables import Robot
+
+from ..recording import Recording
+from ..running import Session
+from .experiment import RAW_DATA, Choice, Comparison, ExperimentError, Progress, Trial
+from .lines import Line, fit_line
+from .motion import Motion, moving, observe, shutdown_registers
+from .position_error import TorqueSensor
+from .series import Floats, condition, rms, robot_of, samples
+
+#: The raised leg [rad]; assumed: clear of its neighbours, and light to turn.
+MAST = {"femur": 1.5, "tibia": 0.0}
+RAISE_S = 1.5
+#: Pace at which the block is looked for [rad/s], and how far the goal may run ahead of the joint
+#: before it counts as blocked [rad]. Assumed: more than friction and lag of both servos need.
+SEARCH_RAD_S = 0.6
+BLOCKED_RAD = 0.06
+#: How far past full duty the error goes, as a share of it. Assumed.
+PAST = 1.25
+#: Time of the goal into the block and back [s]; a fifth of it is at full duty, below the second
+#: after which a servo protects itself.
+SWEEP_S = 3.0
+#: Errors within these shares of the full-duty error are on the straight line, clear of dead zone,
+#: punch and friction's corner; those beyond the third are at the stall torque.
+STRAIGHT, STALLED = (0.15, 0.8), 1.1
+OBSERVE_S = 0.005
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ServoCheck:
+    """Torque against position error of one blocked joint; arrays of shape (samples,)."""
+
+    robot: str
+    joint: str
+    repeats: int
+    supply_v: float
+    error_rad: Floats
+    torque_nm: Floats  #: NaN where nobody knew it
+    load: Floats  #: ``present_load`` as duty, NaN where not read at that instant
+    rising: NDArray[np.bool_]  #: the goal was on its way into the block, not back
+    sensor: TorqueSensor
+    gain_per_rad: float  #: measured: duty a radian
+    gain_r2: float
+    line: Line | None  #: torque against error, of both ways; the spread is that of repeats
+    friction_nm: float  #: measured: half of what lies between the two ways
+    stall_nm: float  #: measured
+    rmse_nm: float  #: torque from position error against the true one
+
+    @property
+    def expected_stall_nm(self) -> float:
+        """Stall torque of the drive at the voltage measured [N m]."""
+        return self.sensor.stall_at_nm(self.supply_v)
+
+    @property
+    def expected_slope_nm_rad(self) -> float:
+        """What the motor gives a radian of error [N m/rad], before friction takes its part."""
+        return self.sensor.law.gain_ccw_per_rad * (self.expected_stall_nm + self.sensor.friction_nm)
+
+    def numbers(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        torque: dict[str, Any] = {}
+        if self.line is not None:
+            torque = {
+                "slope_nm_rad": self.line.slope,
+                "slope_spread_nm_rad": self.line.spread,
+                "straightness_r2": self.line.r2,
+                "stall_torque_nm": self.stall_nm,
+                "friction_nm": self.friction_nm,
+                "rmse_nm": self.rmse_nm,
+                "rmse_of_stall": self.rmse_nm / self.sensor.stall_nm,
+            }
+        return {
+            "joint": self.joint,
+            "repeats": self.repeats,
+            "samples": len(self.error_rad),
+            "supply_v": self.supply_v,
+            "expected": {
+                "full_duty_error_rad": self.sensor.full_error_rad,
+                "slope_nm_rad": self.expected_slope_nm_rad,
+                "stall_torque_nm": self.expected_stall_nm,
+                "gain_duty_per_rad": self.sensor.law.gain_ccw_per_rad,
+                "friction_nm": self.sensor.friction_nm,
+                "resolution_rad": self.sensor.count_rad,
+            },
+            "measured_law": {"gain_duty_per_rad": self.gain_per_rad, "r2": self.gain_r2},
+            "measured_torque": torque,
+        }
+
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """Numbers beside the thesis's."""
+        if self.line is None:
+            return ()
+        rated = self.sensor.stall_nm
+        return (
+            Comparison(
+                "torque against position error",
+                f"straight (R2 {self.line.r2:.3f}) to {self.sensor.full_error_rad:.3f} rad, then "
+                f"{self.stall_nm:.3f} N m",
+                f"a straight line that ends at the stall torque ({rated:g} N m rated)",
+            ),
+            Comparison(
+                "RMSE of torque",
+                f"{self.rmse_nm / rated:.3f} x stall",
+                "only shown, in figures 29 and 33",
+                f"ours is position error against true torque; {RAW_DATA}",
+            ),
+        )
+
+    def findings(self) -> tuple[str, ...]:
+        """What a reader should know."""
+        expected = self.sensor.law.gain_ccw_per_rad
+        found = [
+            f"position law: {self.gain_per_rad:.2f} duty/rad from present_load, "
+            f"{self.gain_per_rad / expected - 1.0:+.1%} from the control table's {expected:.2f}"
+        ]
+        if self.line is None:
+            found.append(
+                "nobody beside the robot knew the torque, so the recordings give the position law "
+                "only"
+            )
+            return tuple(found)
+        slope = self.line.slope / self.expected_slope_nm_rad - 1.0
+        found.append(
+            f"torque: {self.line.slope:.2f} N m/rad, {slope:+.1%} from the drive's constants; "
+            f"friction holds {self.friction_nm:.3f} N m either way, so a torque read off the "
+            f"position error is open by {self.friction_nm / self.sensor.stall_nm:.1%} of stall"
+        )
+        return tuple(found)
+
+
+class ServoCheckExperiment:
+    """Runs, evaluates and draws the servo check."""
+
+    name = "servo-check"
+    title = "Servo check"
+    figures = "29, 33"
+    description = (
+        "One joint is blocked and commanded into the block, on both sides: torque against "
+        "position error is a straight line that ends at the stall torque."
+    )
+
+    def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
+        """One trial a repeat, trunk held."""
+        joint = f"{choice.leg}.coxa"
+        if joint not in robot.by_joint:
+            raise ExperimentError(f"{robot.name} has no joint {joint}: choose another --leg")
+        return tuple(
+            Trial(
+                name=f"{self.name}-{repeat:02}",
+                repeat=repeat,
+                seed=choice.seed + repeat,
+                seconds=RAISE_S + 4.0 * SWEEP_S,
+                held=True,
+                condition={"joint": joint},
+            )
+            for repeat in range(1, choice.repeats + 1)
+        )
+
+    def preparation(self, robot: Robot, trial: Trial) -> str:
+        """What a person must do with a real robot."""
+        joint = str(trial.condition["joint"])
+        leg = joint.partition(".")[0]
+        return (
+            f"Put the robot on a stand so that no foot touches anything. {leg} will rise until it "
+            f"points up; then its coxa (servo {robot.by_joint[joint].servo_id}) turns slowly one "
+            "way and the other until it meets a block. Fix two blocks that stop it well before "
+            "the leg meets its neighbours, strong enough for the stall torque. Keep hands off."
+        )
+
+    def run(self, session: Session, trial: Trial, progress: Progress) -> Mapping[str, Any]:
+        """Raise the leg, then press against the block on either side."""
+        robot = session.robot
+        joint = str(trial.condition["joint"])
+        leg = joint.partition(".")[0]
+        mount = robot.by_joint[joint]
+        full_rad = TorqueSensor.of(robot, mount, mount.registers).full_error_rad
+        rng = np.random.default_rng(trial.seed)
+        slow = ("present_load", "present_voltage", *shutdown_registers(robot))
+        observe(session, OBSERVE_S, {f"rig/{joint}_nm", f"rig/{joint}_rad"}.__contains__)
+        spans: list[float] = []
+        with moving(session, [joint], progress, slow) as motion:
+            motion.go({f"{leg}.{part}": angle for part, angle in MAST.items()}, RAISE_S)
+            for side in (-1.0, 1.0):
+                blocked_rad = _find_block(motion, joint, side)
+                spans += _press(motion, joint, blocked_rad, side * PAST * full_rad, rng)
+        return {"pressing_s": spans}
+
+    def evaluate(self, recordings: Sequence[Recording]) -> ServoCheck:
+        """Fit the lines to all recordings together, and to each by itself for the spread."""
+        robot = robot_of(recordings, self.name)
+        joint = str(condition(recordings[0], "joint"))
+        sensor = TorqueSensor.of_recording(recordings[0], robot, joint)
+        each = [_points(recording, robot, joint) for recording in recordings]
+        error, torque, load, voltage = (np.concatenate(part) for part in zip(*each, strict=True))
+        rising = np.concatenate([_rising(part[0]) for part in each])
+        slopes = [
+            _lines(sensor, part[0], part[1], _rising(part[0]))[0].slope
+            for part in each
+            if not np.isnan(part[1]).all()
+        ]
+        line, friction = _lines(sensor, error, torque, rising)
+        law, _ = _lines(sensor, error, load, rising)
+        stalled = np.abs(error) > STALLED * sensor.full_error_rad
+        known = not math.isnan(line.slope)
+        ends = np.abs(torque[stalled])
+        return ServoCheck(
+            robot=robot.name,
+            joint=joint,
+            repeats=len(recordings),
+            supply_v=float(np.median(voltage)),
+            error_rad=error,
+            torque_nm=torque,
+            load=load,
+            rising=rising,
+            sensor=sensor,
+            gain_per_rad=law.slope,
+            gain_r2=law.r2,
+            line=replace(line, spread=float(np.std(slopes))) if known else None,
+            friction_nm=friction,
+            stall_nm=float(np.mean(ends[~np.isnan(ends)])) if known else float("nan"),
+            rmse_nm=rms(sensor.torque_nm(error, voltage) - torque),
+        )
+
+    def draw(self, result: ServoCheck) -> Figure:
+        """Torque against position error, and duty against position error."""
+        from .figures.servo_check import servo_check_figure  # noqa: PLC0415
+
+        return servo_check_figure(result)
+
+
+def _find_block(motion: Motion, joint: str, side: float) -> float:
+    """Turn a joint until something stops it; returns its angle there [rad]."""
+    control = motion.control
+    index = control.joints.index(joint)
+    end_rad = float((control.upper_rad if side > 0.0 else control.lower_rad)[index])
+    start_rad = motion.goals_rad[joint]
+    began_s = motion.clock.now_s()
+    while True:
+        goal = start_rad + side * SEARCH_RAD_S * (motion.clock.now_s() - began_s)
+        if side * (end_rad - goal) < 0.0:
+            raise ExperimentError(
+                f"{joint} turned to the end of its servo's range without meeting a block: "
+                "fix one in its way"
+            )
+        (position,) = motion.cycle({joint: goal})
+        if side * (goal - position) > BLOCKED_RAD:
+            return float(position)
+
+
+def _press(
+    motion: Motion, joint: str, blocked_rad: float, depth_rad: float, rng: np.random.Generator
+) -> list[float]:
+    """Move the goal into the block and back; returns from when to when [s]."""
+    motion.go({joint: blocked_rad}, 0.5)
+    motion.hold(0.2 + 0.1 * float(rng.uniform()))
+    seconds = SWEEP_S / 2.0 * float(rng.uniform(0.95, 1.05))
+    began_s = motion.clock.now_s()
+    motion.go({joint: blocked_rad + depth_rad}, seconds, smooth=False)
+    motion.go({joint: blocked_rad}, seconds, smooth=False)
+    return [began_s, motion.clock.now_s()]
+
+
+def _points(
+    recording: Recording, robot: Robot, joint: str
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Error [rad], true torque [N m], load as duty and voltage [V] of all spans of pressing."""
+    spans = condition(recording, "pressing_s")
+    mount = robot.by_joint[joint]
+    loads = recording.si(mount.servo_id, "present_load", "read")
+    parts = []
+    for start_s, end_s in zip(spans[::2], spans[1::2], strict=True):
+        found = samples(recording, robot, joint, (start_s, end_s))
+        load = np.full(len(found.t_s), np.nan)
+        inside = (loads.t_sample_s >= start_s) & (loads.t_sample_s <= end_s)
+        at = np.searchsorted(found.t_s, loads.t_sample_s[inside]) - 1
+        load[np.maximum(at, 0)] = mount.direction * loads.value[inside]
+        parts.append((found.error_rad, found.true_nm, load, found.voltage_v))
+    error, torque, load, volt = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return error, torque, load, volt
+
+
+def _rising(error_rad: Floats) -> NDArray[np.bool_]:
+    """Which samples lie on the way into a block: up to the largest error of their side."""
+    rising = np.zeros(len(error_rad), dtype=bool)
+    for side in (-1.0, 1.0):
+        on_side = np.flatnonzero(side * error_rad > 0.0)
+        if len(on_side):
+            deep = side * error_rad[on_side]
+            deepest = on_side[np.flatnonzero(deep == deep.max())]
+            rising[on_side[0] : deepest[-1] + 1] = True
+    return rising
+
+
+def _lines(
+    sensor: TorqueSensor, error: Floats, value: Floats, rising: NDArray[np.bool_]
+) -> tuple[Line, float]:
+    """The line that ``value`` follows, both sides folded onto one, and the half gap of both ways.
+
+    The line is the mean of that into the block and that back.
+    """
+    low, high = (share * sensor.full_error_rad for share in STRAIGHT)
+    depth, folded = np.abs(error), np.sign(error) * value
+    straight = (depth > low) & (depth < high)
+    ways = [fit_line(depth[straight & way], folded[straight & way]) for way in (rising, ~rising)]
+    middle = 0.5 * (low + high)
+    into, back = (way.slope * middle + way.offset for way in ways)
+    line = Line(
+        slope=0.5 * (ways[0].slope + ways[1].slope),
+        offset=0.5 * (ways[0].offset + ways[1].offset),
+        r2=min(way.r2 for way in ways),
+    )
+    return line, 0.5 * (back - into)
