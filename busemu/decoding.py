@@ -64,7 +64,8 @@ def decode_trace(
         elif isinstance(entry, Record):
             lead = _lead(entry, header, before_s)
             before_s = entry.event.end_s
-            for explanation in explainer.explain(entry.event.data, entry.event.kind):
+            event = entry.event
+            for explanation in explainer.explain(event.data, event.kind, event.words):
                 lines = brief(explanation, lead)
                 if not short:
                     lines = iter([((lead, "note"),), *long(explanation)])

@@ -108,6 +108,13 @@ class Monitor:
             table.add_row(Text(name, "red"), str(count))
         return table
 
+    def struck(self) -> Table:
+        """Faults that were asked for, and how often they struck."""
+        table = _table("fault", "struck")
+        for name, count in self.tally.struck.most_common():
+            table.add_row(Text(name, "yellow"), str(count))
+        return table
+
     def shown_servo(self) -> int | None:
         """Whose registers are shown: as asked, else the first of which any is known."""
         if self.servo_id is not None:
@@ -169,6 +176,8 @@ class Monitor:
         ]
         if self.tally.bad:
             titled.append(("bad packets", self.faults()))
+        if self.tally.struck:
+            titled.append(("faults that struck", self.struck()))
         titled += [
             (f"registers of servo {self.shown_servo()}", self.registers()),
             ("from instruction to answer", self.timing()),
@@ -181,6 +190,7 @@ class Monitor:
     def screen(self, now_s: float, width: int, height: int) -> Layout:
         """Everything, for a terminal of so many columns and lines."""
         few = len(self.tally.instructions) + (len(self.tally.faults) + 1 if self.tally.bad else 0)
+        few += len(self.tally.struck) + 1 if self.tally.struck else 0
         short, third = min(few + 3, height // 3), height // 3
         wide = width >= WIDE
         room = height - 1 - short
@@ -188,6 +198,8 @@ class Monitor:
         counts: RenderableType = self.instructions(now_s)
         if self.tally.bad:
             counts = Group(counts, self.faults())
+        if self.tally.struck:
+            counts = Group(counts, self.struck())
         packets = Layout(_panel("packets", _Newest(self.lines)), ratio=1)
         instructions = _panel("instructions", counts)
         servos = _panel("servos", self.servos(now_s, rows))

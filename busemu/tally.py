@@ -110,7 +110,8 @@ class Tally:
         self.now_s = header.clock_s  #: end of the last packet [s]
         self.instructions: Counter[str] = Counter()
         self.servos: dict[int, ServoTally] = {}
-        self.faults: Counter[str] = Counter()
+        self.faults: Counter[str] = Counter()  #: what was wrong with bad packets
+        self.struck: Counter[str] = Counter()  #: faults that were asked for, by kind
         self.registers: dict[int, dict[int, Latest]] = {}
         self.answers: deque[Answer] = deque(maxlen=ANSWERS)
         self.dropped = 0
@@ -128,7 +129,7 @@ class Tally:
             return []
         event = entry.event
         self.now_s = max(self.now_s, event.end_s)
-        found = self._explainer.explain(event.data, event.kind)
+        found = self._explainer.explain(event.data, event.kind, event.words)
         for explanation in found:
             self._add(entry, explanation)
         return [Packet(entry, explanation) for explanation in found]
@@ -148,6 +149,8 @@ class Tally:
 
     def _add(self, record: Record, explanation: Explanation) -> None:
         at_s = record.event.start_s
+        if explanation.kind == "fault":
+            self.struck[explanation.summary.partition(":")[0]] += 1
         if explanation.bad:
             self.faults[_kind_of_fault(explanation)] += 1
         if explanation.kind == "instruction":

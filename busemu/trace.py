@@ -13,6 +13,7 @@ class WireEventKind(enum.Enum):
     STATUS = "status"  #: bytes of a servo
     NOISE = "noise"  #: bytes of the host that no servo could read
     COLLISION = "collision"  #: bytes that met others on the wire
+    FAULT = "fault"  #: no bytes: a fault struck, and the words say how
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,7 @@ class WireEvent:
     start_s: float
     end_s: float
     data: bytes
+    words: str = ""
 
 
 @dataclass(slots=True)

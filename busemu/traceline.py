@@ -5,6 +5,7 @@ The first line tells whose trace it is, every other is a run of bytes on the wir
     {"format":"busemu-trace/1","robot":"marvin","protocol":2.0,"clock_s":5.1,"wall_s":1.7e9}
     {"kind":"instruction","start_s":5.2000,"end_s":5.2001,"read_s":5.1999,"hex":"FF FF FD 00 .."}
     {"kind":"status","start_s":5.2008,"end_s":5.2009,"handed_s":5.2012,"hex":"FF FF FD 00 .."}
+    {"kind":"fault","start_s":5.3,"end_s":5.3,"words":"drop: servo 3 does not answer ..","hex":""}
 
 All times are seconds on the clock of the bus. `start_s` and `end_s` are the model's: first start
 bit and last stop bit. `read_s` is when the host's bytes were really taken from the port, `handed_s`
@@ -58,6 +59,8 @@ class Record:
         measured = f'"read_s":{self.read_s:.7f},' if self.read_s is not None else ""
         if self.handed_s is not None:
             measured += f'"handed_s":{self.handed_s:.7f},'
+        if event.words:
+            measured += f'"words":{json.dumps(event.words)},'
         return (
             f'{{"kind":"{event.kind.value}","start_s":{event.start_s:.7f},'
             f'"end_s":{event.end_s:.7f},{measured}"hex":"{event.data.hex(" ").upper()}"}}\n'
@@ -88,6 +91,7 @@ def parse_line(line: str) -> Entry | None:
                 float(fields["start_s"]),
                 float(fields["end_s"]),
                 bytes.fromhex(fields["hex"]),
+                str(fields.get("words", "")),
             )
             return Record(event, _seconds(fields, "read_s"), _seconds(fields, "handed_s"))
         if "dropped" in fields:

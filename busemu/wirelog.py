@@ -29,6 +29,9 @@ UNREAD_LIMIT = 1000
 #: of 32 MB takes ext4 3 ms, which a reply cannot wait.
 PIECE = 1 << 18
 
+#: What does not consist of bytes of the host, or not always.
+_NOT_THE_HOSTS = (WireEventKind.COLLISION, WireEventKind.FAULT)
+
 
 @dataclass(slots=True)
 class _Note:
@@ -90,7 +93,7 @@ class WireLog:
         note = _Note(event)
         if event.kind is WireEventKind.STATUS:
             self._unread.append(note)
-        elif event.kind is not WireEventKind.COLLISION or event.data is self._read[0]:
+        elif event.kind not in _NOT_THE_HOSTS or event.data is self._read[0]:
             note.read_s = self._read[1]
         self._waiting.append(note)
         if len(self._waiting) > WAITING_LIMIT:

@@ -40,8 +40,9 @@ _GROUP = frozenset(
 class Explanation:
     """One packet, or a run of noise, in words.
 
-    `kind` is instruction, status or noise. `faults` say what is wrong with the packet itself;
-    `notes` what is odd about what it asks or says. `error` is the error byte of a status packet.
+    `kind` is instruction, status, noise, or fault: one that was asked for. `faults` say what is
+    wrong with the packet itself; `notes` what is odd about what it asks or says. `error` is the
+    error byte of a status packet.
     `values` are registers written by an instruction or read by a status packet. `due` are the IDs
     that have to answer a ping or a read.
     """
@@ -81,11 +82,16 @@ class Explainer:
         self._last: int | None = None  # the last instruction
         self._last_data = b""
 
-    def explain(self, data: bytes, kind: WireEventKind | None = None) -> list[Explanation]:
+    def explain(
+        self, data: bytes, kind: WireEventKind | None = None, words: str = ""
+    ) -> list[Explanation]:
         """Explain whatever `data` is, bytes in order; any bytes will do.
 
         `kind` tells who sent them, where that is known; else Protocol 1.0 packets are guessed.
+        Of a fault that struck there are no bytes, but `words`.
         """
+        if words:
+            return [Explanation(b"", None, "fault", words, ())]
         found = [self._stretch(each, kind) for each in split(data, self.protocol)]
         if kind is WireEventKind.COLLISION:
             found = [replace(each, faults=(*each.faults, COLLIDED)) for each in found]

@@ -16,6 +16,7 @@ Line = tuple[tuple[str, str], ...]
 #: Bytes of hex on one line.
 ROW = 8
 _WIDTH = 3 * ROW - 1
+_STYLE_OF = {"noise": "note", "fault": "title"}
 #: How a terminal that has colours shows each style.
 STYLES = {"title": "bold", "bad": "bold red", "note": "bright_black", "hex": "cyan", "plain": ""}
 
@@ -42,9 +43,9 @@ def long(explanation: Explanation) -> Iterator[Line]:
 
 def brief(explanation: Explanation, lead: str = "") -> Iterator[Line]:
     """One line for a packet, and one for each thing that is wrong with it."""
-    arrow = {"instruction": ">", "status": "<"}.get(explanation.kind, " ")
+    arrow = {"instruction": ">", "status": "<", "fault": "*"}.get(explanation.kind, " ")
     mark = "!" if explanation.bad else " "
-    style = "bad" if explanation.bad else "note" if explanation.kind == "noise" else "plain"
+    style = "bad" if explanation.bad else _STYLE_OF.get(explanation.kind, "plain")
     text = explanation.summary
     if explanation.kind in ("noise", "fragment"):
         data = explanation.data[:16].hex(" ").upper()
