@@ -16,7 +16,7 @@ import pytest
 from busemu.tables import ControlTable, load_table, models
 
 FOLDER = Path(dynamixel_easy_sdk.__file__).with_name("control_table")
-WITHOUT_FILE = {"AX-12A", "AX-12W", "AX-18A", "MX-12W", "MX-28", "MX-64", "MX-106"}
+WITHOUT_FILE = {"AX-12A", "AX-12W", "AX-18A", "MX-12W", "MX-28", "MX-64", "MX-106", "STS3215"}
 #: Names that differ beyond spaces and capitals. "Read" and "Write" are places in the series.
 NAMES = {
     "secondary(shadow)_id": "secondary_id",
