@@ -29,7 +29,8 @@ file a function stands in.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numba import njit
@@ -37,6 +38,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(function: Function) -> Function:
+    """Compile without reference counts: nothing here allocates, and calls cost a third then."""
+    return cast(Function, njit(cache=True, nogil=True, error_model="numpy", _nrt=False)(function))
+
 
 # --- parameters: params[field, servo]
 RESISTANCE = 0  #: winding at ambient temperature [ohm]
@@ -126,7 +134,10 @@ LOAD_INERTIA = 0  #: about the joint's axis [kg m^2]
 SHAFT_POSITION = 1  #: of the output shaft, at the start and then as it moves [rad]
 SHAFT_VELOCITY = 2  #: [rad/s]
 SHAFT_FRICTION = 3  #: Coulomb friction of the load's own bearing [N m]
-LOADS = 4
+SAMPLE_SKEW = 4  #: samples are taken this much later than their times say [s]
+DUTY_REFRESH = 5  #: what a sample shows of the duty is made anew in this period [s], 0 is always
+DUTY_PHASE = 6  #: when that first happens [s]
+LOADS = 7
 
 # --- what a rollout gives of a sample: out[job, sample, channel]
 OUT_POSITION = 0  #: as the servo senses it, without quantisation [rad]
@@ -154,26 +165,108 @@ class Arrays(NamedTuple):
     supplies: Array
 
 
-@njit(cache=True)
-def friction_level(params: Array, i: int, velocity: float, motor: float, external: float) -> float:
-    """Largest friction torque [N m] at a velocity [rad/s], motor and external torque [N m]."""
-    level = params[COULOMB, i] + params[VISCOUS, i] * abs(velocity)
-    level += abs(params[LOAD_MOTOR, i] * motor - params[LOAD_EXTERNAL, i] * external)
-    slow = params[STRIBECK, i] + abs(
-        params[LOAD_MOTOR_STRIBECK, i] * motor - params[LOAD_EXTERNAL_STRIBECK, i] * external
+class Train(NamedTuple):
+    """What the rotor's motion within one tick takes from the arrays, as plain numbers."""
+
+    volts: float  #: at the bridge, 0 when it is open
+    closed: float  #: 1 when the bridge conducts
+    resistance: float
+    torque_constant: float
+    back_emf: float
+    current_cap: float
+    coulomb: float
+    viscous: float
+    load_motor: float
+    load_external: float
+    stribeck: float
+    stribeck_velocity: float
+    stribeck_exponent: float
+    load_motor_stribeck: float
+    load_external_stribeck: float
+    quadratic_motor: float
+    quadratic_external: float
+    slow: bool  #: whether any term falls with velocity
+    stiffness: float
+    damping: float
+    half_backlash: float
+
+
+@compiled
+def train(arrays: Arrays, i: int) -> Train:
+    """One servo's drive train, with the bridge and the winding as they are now."""
+    params, states = arrays.params, arrays.states
+    closed = 1.0 if running(arrays, i) else 0.0
+    slow = (
+        params[STRIBECK, i] != 0.0
+        or params[LOAD_MOTOR_STRIBECK, i] != 0.0
+        or params[LOAD_EXTERNAL_STRIBECK, i] != 0.0
+        or params[QUADRATIC_MOTOR, i] != 0.0
+        or params[QUADRATIC_EXTERNAL, i] != 0.0
     )
-    if motor * external < 0.0:
-        if abs(motor) > abs(external):
-            slow += params[QUADRATIC_EXTERNAL, i] * external * external
-        else:
-            slow += params[QUADRATIC_MOTOR, i] * motor * motor
-    if slow != 0.0:
-        ratio = abs(velocity) / params[STRIBECK_VELOCITY, i]
-        level += math.exp(-(ratio ** params[STRIBECK_EXPONENT, i])) * slow
+    return Train(
+        closed * states[DUTY, i] * states[VOLTAGE, i],
+        closed,
+        winding_resistance(arrays, i),
+        params[TORQUE_CONSTANT, i],
+        params[BACK_EMF, i],
+        params[CURRENT_CAP, i],
+        params[COULOMB, i],
+        params[VISCOUS, i],
+        params[LOAD_MOTOR, i],
+        params[LOAD_EXTERNAL, i],
+        params[STRIBECK, i],
+        params[STRIBECK_VELOCITY, i],
+        params[STRIBECK_EXPONENT, i],
+        params[LOAD_MOTOR_STRIBECK, i],
+        params[LOAD_EXTERNAL_STRIBECK, i],
+        params[QUADRATIC_MOTOR, i],
+        params[QUADRATIC_EXTERNAL, i],
+        slow,
+        params[GEAR_STIFFNESS, i],
+        params[GEAR_DAMPING, i],
+        0.5 * params[BACKLASH, i],
+    )
+
+
+@compiled
+def friction_level(t: Train, velocity: float, motor: float, external: float) -> float:
+    """Largest friction torque [N m] at a velocity [rad/s], motor and external torque [N m]."""
+    level = t.coulomb + t.viscous * abs(velocity)
+    level += abs(t.load_motor * motor - t.load_external * external)
+    if t.slow:
+        slow = t.stribeck
+        slow += abs(t.load_motor_stribeck * motor - t.load_external_stribeck * external)
+        if motor * external < 0.0:
+            if abs(motor) > abs(external):
+                slow += t.quadratic_external * external * external
+            else:
+                slow += t.quadratic_motor * motor * motor
+        ratio = abs(velocity) / t.stribeck_velocity
+        level += math.exp(-(ratio**t.stribeck_exponent)) * slow
     return float(level)
 
 
-@njit(cache=True)
+@compiled
+def motor_current(t: Train, speed: float) -> float:
+    """Current of a motor at a rotor's velocity [A]."""
+    current = t.closed * (t.volts - t.back_emf * speed) / t.resistance
+    return float(min(t.current_cap, max(-t.current_cap, current)))
+
+
+@compiled
+def gear_torque(t: Train, twist: float, twist_rate: float) -> float:
+    """Torque of the rotor on the output shaft [N m] at a twist of the gear [rad, rad/s]."""
+    if t.half_backlash > 0.0:
+        if twist > t.half_backlash:
+            twist -= t.half_backlash
+        elif twist < -t.half_backlash:
+            twist += t.half_backlash
+        else:
+            return 0.0
+    return float(t.stiffness * twist + t.damping * twist_rate)
+
+
+@compiled
 def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> float:
     """Duty of the position law at one tick, before the duty limit; moves ramp and integral."""
     states, commands = arrays.states, arrays.commands
@@ -209,7 +302,7 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
     return float(duty - damping * moved / tick_s)
 
 
-@njit(cache=True)
+@compiled
 def sense(params: Array, i: int, position: float) -> float:
     """What the position sensor makes of the output shaft's angle, both [rad]."""
     if params[WAVE, i] != 0.0:
@@ -218,7 +311,7 @@ def sense(params: Array, i: int, position: float) -> float:
     return float(position + params[ZERO_OFFSET, i])
 
 
-@njit(cache=True)
+@compiled
 def control_one(arrays: Arrays, i: int, position: float, velocity: float, tick_s: float) -> None:
     """One tick of one servo's firmware: sets the duty that holds until the next tick."""
     params, states, commands = arrays.params, arrays.states, arrays.commands
@@ -253,13 +346,13 @@ def control_one(arrays: Arrays, i: int, position: float, velocity: float, tick_s
                 states[OVERLOADED, i] = -1.0
 
 
-@njit(cache=True)
+@compiled
 def running(arrays: Arrays, i: int) -> bool:
     """Whether torque is enabled and the drive has not shut down."""
     return bool(arrays.commands[ENABLED, i] != 0.0 and arrays.states[OVERLOADED, i] >= 0.0)
 
 
-@njit(cache=True)
+@compiled
 def control(arrays: Arrays, position: Array, velocity: Array, tick_s: float) -> None:
     """One tick of every servo's firmware.
 
@@ -269,21 +362,7 @@ def control(arrays: Arrays, position: Array, velocity: Array, tick_s: float) -> 
         control_one(arrays, i, position[i], velocity[i], tick_s)
 
 
-@njit(cache=True)
-def gear_torque(params: Array, i: int, twist: float, twist_rate: float) -> float:
-    """Torque of the rotor on the output shaft [N m] at a twist of the gear [rad, rad/s]."""
-    half = 0.5 * params[BACKLASH, i]
-    if half > 0.0:
-        if twist > half:
-            twist -= half
-        elif twist < -half:
-            twist += half
-        else:
-            return 0.0
-    return float(params[GEAR_STIFFNESS, i] * twist + params[GEAR_DAMPING, i] * twist_rate)
-
-
-@njit(cache=True)
+@compiled
 def winding_resistance(arrays: Arrays, i: int) -> float:
     """Resistance of a winding at its temperature [ohm]."""
     params, states = arrays.params, arrays.states
@@ -291,7 +370,7 @@ def winding_resistance(arrays: Arrays, i: int) -> float:
     return float(params[RESISTANCE, i] * (1.0 + params[RESISTANCE_RISE, i] * heat))
 
 
-@njit(cache=True)
+@compiled
 def share_supply(arrays: Arrays, group: int, first: int, last: int) -> None:
     """Terminal voltage of the servos ``first`` to ``last - 1``, with the sag their current causes.
 
@@ -316,7 +395,7 @@ def share_supply(arrays: Arrays, group: int, first: int, last: int) -> None:
         states[VOLTAGE, i] = voltage
 
 
-@njit(cache=True)
+@compiled
 def warm(arrays: Arrays, i: int, power: float, step_s: float) -> None:
     """Heat of winding and case after ``step_s`` at a mean loss [W]."""
     params, states = arrays.params, arrays.states
@@ -326,22 +405,13 @@ def warm(arrays: Arrays, i: int, power: float, step_s: float) -> None:
     states[WINDING_HEAT, i] += step_s / params[WINDING_HEAT_TIME, i] * gain
 
 
-@njit(cache=True)
-def motor_current(arrays: Arrays, i: int, speed: float, resistance: float) -> float:
-    """Current of a motor at a rotor's velocity [A]."""
-    params, states = arrays.params, arrays.states
-    volts = states[DUTY, i] * states[VOLTAGE, i] - params[BACK_EMF, i] * speed
-    cap = params[CURRENT_CAP, i]
-    return float(min(cap, max(-cap, volts / resistance)))
-
-
-@njit(cache=True)
+@compiled
 def cable_torque(params: Array, i: int, position: float) -> float:
     """Torque of a cable on the output shaft [N m]."""
     return float(params[CABLE_STIFFNESS, i] * (params[CABLE_REST, i] - position))
 
 
-@njit(cache=True)
+@compiled
 def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, substeps: int) -> None:
     """Move every rotor by ``step_s``; ``states[TORQUE]`` is then the mean torque on the load.
 
@@ -355,22 +425,19 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
         share_supply(arrays, g, g * size, (g + 1) * size)
     dt = step_s / substeps
     for i in range(position.size):
-        resistance = winding_resistance(arrays, i)
+        t = train(arrays, i)
         inertia = params[ROTOR_INERTIA, i]
-        enabled = running(arrays, i)
+        outer, pace = position[i], velocity[i]
         angle = states[ROTOR_POSITION, i]
         speed = states[ROTOR_VELOCITY, i]
         torque_sum = 0.0
         current_sum = 0.0
         square_sum = 0.0
         for j in range(substeps):
-            shaft = position[i] + velocity[i] * j * dt
-            load = gear_torque(params, i, angle - shaft, speed - velocity[i])
-            current = 0.0
-            if enabled:
-                current = motor_current(arrays, i, speed, resistance)
-            motor = params[TORQUE_CONSTANT, i] * current
-            level = friction_level(params, i, speed, motor, -load)
+            load = gear_torque(t, angle - (outer + pace * j * dt), speed - pace)
+            current = motor_current(t, speed)
+            motor = t.torque_constant * current
+            level = friction_level(t, speed, motor, -load)
             stop = -(inertia * speed / dt + motor - load)
             friction = min(level, max(-level, stop))
             speed += dt / inertia * (motor - load + friction)
@@ -384,7 +451,7 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
         if params[CABLE_STIFFNESS, i] != 0.0:
             states[TORQUE, i] += cable_torque(params, i, position[i])
         states[CURRENT, i] = current_sum / substeps
-        warm(arrays, i, resistance * square_sum / substeps, step_s)
+        warm(arrays, i, t.resistance * square_sum / substeps, step_s)
 
 
 class Jobs(NamedTuple):
@@ -407,7 +474,7 @@ class Jobs(NamedTuple):
     end_s: Array
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def rollout(
     arrays: Arrays,
     loads: Array,
@@ -427,8 +494,8 @@ def rollout(
         roll_one(arrays, loads, jobs, tick_s, substeps, job, out)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
+@compiled
+def roll_one(  # noqa: PLR0915 - one loop, compiled as one
     arrays: Arrays, loads: Array, jobs: Jobs, tick_s: float, substeps: int, job: int, out: Array
 ) -> None:
     """One job of :func:`rollout`."""
@@ -447,8 +514,10 @@ def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
     dt = tick_s / substeps
     shaft, pace = loads[SHAFT_POSITION, job], loads[SHAFT_VELOCITY, job]
     bearing = loads[SHAFT_FRICTION, job]
+    skew, refresh = loads[SAMPLE_SKEW, job], loads[DUTY_REFRESH, job]
+    shown, due = 0.0, loads[DUTY_PHASE, job]
     states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job] = shaft, pace
-    ticks = math.ceil(end / tick_s) + 1
+    ticks = math.ceil((end + max(0.0, skew)) / tick_s) + 1
     for tick in range(ticks):
         now = tick * tick_s
         while event < last_event and jobs.events[event, 0] + params[DELAY, job] <= now:
@@ -460,6 +529,9 @@ def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
             event += 1
         before, before_pace = sense(params, job, shaft), pace
         control_one(arrays, job, shaft, pace, tick_s)
+        if now >= due:
+            shown = states[DUTY, job]
+            due += refresh
         share_supply(arrays, job, job, job + 1)
         if rows > 1:
             place = now / end * (rows - 1)
@@ -467,22 +539,21 @@ def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
             part = place - k
             sine = (1.0 - part) * jobs.gravity[low + k, 1] + part * jobs.gravity[low + k + 1, 1]
             cosine = (1.0 - part) * jobs.gravity[low + k, 0] + part * jobs.gravity[low + k + 1, 0]
-        resistance = winding_resistance(arrays, job)
-        enabled = running(arrays, job)
+        t = train(arrays, job)
         angle, speed = states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job]
         current_sum, square_sum = 0.0, 0.0
+        # gravity and cable are linear within a tick: a joint moves some mrad
+        tick_shaft, sin, cos = shaft, math.sin(shaft), math.cos(shaft)
+        pull = cosine * cos - sine * sin + cable_torque(params, job, shaft)
+        slope = -cosine * sin - sine * cos - params[CABLE_STIFFNESS, job]
         for _ in range(substeps):
-            outer = cosine * math.cos(shaft) - sine * math.sin(shaft)
-            if params[CABLE_STIFFNESS, job] != 0.0:
-                outer += cable_torque(params, job, shaft)
-            current = 0.0
-            if enabled:
-                current = motor_current(arrays, job, speed, resistance)
-            motor = params[TORQUE_CONSTANT, job] * current
+            outer = pull + slope * (shaft - tick_shaft)
+            current = motor_current(t, speed)
+            motor = t.torque_constant * current
             load = -outer
             if not rigid:
-                load = gear_torque(params, job, angle - shaft, speed - pace)
-            level = friction_level(params, job, speed, motor, -load)
+                load = gear_torque(t, angle - shaft, speed - pace)
+            level = friction_level(t, speed, motor, -load)
             stop = -(rotor_inertia * speed / dt + motor - load)
             speed += dt / rotor_inertia * (motor - load + min(level, max(-level, stop)))
             angle += dt * speed
@@ -496,14 +567,14 @@ def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
             square_sum += current * current
         states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job] = angle, speed
         states[CURRENT, job] = current_sum / substeps
-        warm(arrays, job, resistance * square_sum / substeps, tick_s)
+        warm(arrays, job, t.resistance * square_sum / substeps, tick_s)
         after = sense(params, job, shaft)
-        while sample < last_sample and jobs.samples[sample] <= now + tick_s:
-            part = max(0.0, (jobs.samples[sample] - now) / tick_s)
+        while sample < last_sample and jobs.samples[sample] + skew <= now + tick_s:
+            part = max(0.0, (jobs.samples[sample] + skew - now) / tick_s)
             row = out[job, sample - first_sample]
             row[OUT_POSITION] = before + part * (after - before)
             row[OUT_VELOCITY] = before_pace + part * (pace - before_pace)
-            row[OUT_DUTY] = states[DUTY, job]
+            row[OUT_DUTY] = shown
             row[OUT_VOLTAGE] = states[VOLTAGE, job]
             row[OUT_CURRENT] = states[CURRENT, job]
             row[OUT_HEAT] = states[HEAT, job] + states[WINDING_HEAT, job]

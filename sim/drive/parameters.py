@@ -63,10 +63,13 @@ class Friction:
 
     def level_nm(self, velocity_rad_s: float, motor_nm: float, external_nm: float) -> float:
         """The friction level [N m], as the compiled step has it."""
-        column = np.zeros((kernel.PARAMS, 1))
+        params = np.zeros((kernel.PARAMS, 1))
         for name, field in _FRICTION_FIELDS.items():
-            column[field] = getattr(self, name)
-        return float(kernel.friction_level(column, 0, velocity_rad_s, motor_nm, external_nm))
+            params[field] = getattr(self, name)
+        empty = np.zeros((kernel.STATES, 1))
+        arrays = kernel.Arrays(params, empty, np.zeros((kernel.COMMANDS, 1)), empty)
+        train = kernel.train(arrays, 0)
+        return float(kernel.friction_level(train, velocity_rad_s, motor_nm, external_nm))
 
 
 _FRICTION_FIELDS = {

@@ -1,0 +1,168 @@
+"""One joint, many what-ifs: batches of compiled rollouts along recorded commands.
+
+A *replay* is what happened at the port of one servo: commands with their times, and the instants at
+which its registers were sampled. A *candidate* is what the servo and its load may be. Every pair of
+them is a job of :func:`sim.drive.kernel.rollout`; jobs are shared over threads.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from .drive import kernel
+from .drive.kernel import Array, Arrays, Jobs
+from .robot import PhysicalRobot
+from .stepped import TICK_S
+
+RIGID_SUBSTEPS = 2  #: of a tick, with rotor and load in one
+GEAR_SUBSTEPS = 10  #: of a tick, with a gear between them
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replay:
+    """Commands and sample instants of one servo [s since the replay began]; servo frame.
+
+    ``events`` (n, 3): time, field of :mod:`sim.drive.kernel` (commands, or from ``SUPPLY_EVENT``
+    on supplies), value; ``samples`` (m,), both ascending. ``start`` is the column of commands at
+    the beginning, ``position_rad`` and ``velocity_rad_s`` those of the output shaft.
+    """
+
+    start: Array
+    events: Array
+    samples: Array
+    position_rad: float
+    velocity_rad_s: float = 0.0
+
+    @property
+    def end_s(self) -> float:
+        """The last instant that matters [s]."""
+        return float(self.samples[-1]) if len(self.samples) else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """What hangs on a joint, servo frame: torque of gravity ``cosine cos q - sine sin q`` [N m].
+
+    ``sine`` and ``cosine`` are of shape (n,), spread evenly over the replay; (1,) is constant.
+    """
+
+    inertia_kg_m2: float
+    sine_nm: Array
+    cosine_nm: Array
+
+    @classmethod
+    def pendulum(cls, inertia_kg_m2: float, gravity_nm: float, centre_rad: float) -> Load:
+        """Torque ``-gravity_nm sin(q - centre_rad)``: it hangs at ``centre_rad``."""
+        sine = np.array([gravity_nm * np.cos(centre_rad)])
+        cosine = np.array([gravity_nm * np.sin(centre_rad)])
+        return cls(inertia_kg_m2, sine, cosine)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A servo (column of :mod:`sim.drive.kernel` parameters), its supply, its load, its reading."""
+
+    drive: Array
+    load: Load
+    voltage_v: float
+    source_ohm: float
+    skew_s: float = 0.0
+    load_refresh_s: float = 0.0
+    load_phase_s: float = 0.0
+    start_offset_rad: float = 0.0  #: of the shaft's first angle, over the replay's
+
+    @classmethod
+    def of(cls, robot: PhysicalRobot, joint: int, load: Load, *, rigid: bool) -> Candidate:
+        """The servo of one joint (by its number). ``rigid`` makes rotor and load one mass."""
+        drive = robot.joints[joint].drive.column()
+        if rigid:
+            drive[kernel.GEAR_STIFFNESS] = np.inf
+        return cls(
+            drive,
+            load,
+            robot.supply.voltage_v,
+            robot.supply.resistance_ohm,
+            robot.reading.skew_s,
+            robot.reading.load_refresh_s,
+        )
+
+
+class Batch:
+    """Replays that are run again and again with other candidates, on ``threads`` (all, if None)."""
+
+    def __init__(self, replays: Sequence[Replay], threads: int | None = None) -> None:
+        self.replays = tuple(replays)
+        self._threads = threads or len(os.sched_getaffinity(0))
+        self._events = np.concatenate([r.events.reshape(-1, 3) for r in replays])
+        self._event_range = _ranges([len(r.events) for r in replays])
+        self._samples = np.concatenate([r.samples for r in replays])
+        self._sample_range = _ranges([len(r.samples) for r in replays])
+        self._end_s = np.array([r.end_s for r in replays])
+
+    def run(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> list[Array]:
+        """Run candidate ``k`` on replay ``replays[k]``; a (samples, CHANNELS) array for each."""
+        count = len(candidates)
+        arrays = Arrays(
+            np.stack([c.drive for c in candidates], axis=1),
+            np.zeros((kernel.STATES, count)),
+            np.stack([self.replays[r].start for r in replays], axis=1),
+            np.array([[c.voltage_v for c in candidates], [c.source_ohm for c in candidates]]),
+        )
+        loads = np.zeros((kernel.LOADS, count))
+        for j, (c, r) in enumerate(zip(candidates, replays, strict=True)):
+            replay = self.replays[r]
+            loads[kernel.LOAD_INERTIA, j] = c.load.inertia_kg_m2
+            offset = c.drive[kernel.ZERO_OFFSET]
+            loads[kernel.SHAFT_POSITION, j] = replay.position_rad + c.start_offset_rad - offset
+            loads[kernel.SHAFT_VELOCITY, j] = replay.velocity_rad_s
+            loads[kernel.SAMPLE_SKEW, j] = c.skew_s
+            loads[kernel.DUTY_REFRESH, j] = c.load_refresh_s
+            loads[kernel.DUTY_PHASE, j] = c.load_phase_s
+        jobs = Jobs(
+            np.asarray(replays, np.int64),
+            self._events,
+            self._event_range,
+            self._samples,
+            self._sample_range,
+            np.concatenate(
+                [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]
+            ),
+            _ranges([len(c.load.sine_nm) for c in candidates]),
+            self._end_s,
+        )
+        longest = max(len(self.replays[r].samples) for r in replays)
+        out = np.full((count, longest, kernel.CHANNELS), np.nan)
+        with np.errstate(all="ignore"):
+            self._share(arrays, loads, jobs, out)
+        return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
+
+    def _share(self, arrays: Arrays, loads: Array, jobs: Jobs, out: Array) -> None:
+        soft = bool(np.isfinite(arrays.params[kernel.GEAR_STIFFNESS]).any())
+        substeps = GEAR_SUBSTEPS if soft else RIGID_SUBSTEPS
+        count = len(jobs.recording)
+        parts = max(1, min(count, 4 * self._threads))
+        ends = [count * k // parts for k in range(parts + 1)]
+        tasks = [
+            _pool(self._threads).submit(
+                kernel.rollout, arrays, loads, jobs, TICK_S, substeps, first, last, out
+            )
+            for first, last in itertools.pairwise(ends)
+        ]
+        for task in tasks:
+            task.result()
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, "rollout")
+
+
+def _ranges(lengths: Sequence[int]) -> kernel.Integers:
+    return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
