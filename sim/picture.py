@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 
-from .robot import read_physics
+from .model import read_model
 from .tree import PhysicalRobot
 from .world import Camera, Pixels, World
 
@@ -69,7 +69,7 @@ def render(
     the ground moves. Raises :class:`sim.entries.PhysicsError` when the robot's physical part cannot
     be used and ``KeyError`` for a joint it does not have.
     """
-    physical = read_physics(robot)
+    physical = read_model(robot)
     reach_m = _reach_m(physical)
     camera = _camera(physical, reach_m, width_px, height_px)
     floor = _Floor(camera, reach_m)

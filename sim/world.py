@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 
-from .condition import under
 from .drive.kernel import Array
 from .drive.parameters import pack
+from .model import read_model
 from .quiet import quiet_stderr
-from .robot import read_physics
 from .stability import LARGEST, stiffness_number, too_stiff
 from .stepped import TICK_S, SteppedPlant
 from .tree import PhysicalRobot
@@ -76,8 +75,9 @@ class World:
         fixed = held or robot.trunk is None
         pybullet.setGravity(*robot.ground.gravity_m_s2, **self._on)
         pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=step_s, numSubSteps=0, deterministicOverlappingPairs=1, **self._on
+            numSubSteps=0, deterministicOverlappingPairs=1, **self._on
         )
+        self.set_step(step_s)
         if robot.trunk is not None:
             self._lay_ground()
         with tempfile.TemporaryDirectory(prefix="busemu-") as folder:
@@ -129,6 +129,7 @@ class World:
 
     def set_step(self, step_s: float) -> None:
         """Make every further step so long."""
+        self.step_s = step_s
         pybullet.setPhysicsEngineParameter(fixedTimeStep=step_s, **self._on)
 
     def _lay_ground(self) -> None:
@@ -292,8 +293,7 @@ class BulletPlant(SteppedPlant):
         steps_per_tick: int | None = None,
         substeps: int = SUBSTEPS,
     ) -> None:
-        physical = read_physics(robot, trunk_load_kg=trunk_load_kg)
-        physical = under(physical, condition or {})
+        physical = read_model(robot, trunk_load_kg=trunk_load_kg, condition=condition)
         self.robot = physical
         self.world = World(physical, step_s=TICK_S / (steps_per_tick or 1), held=held)
         try:

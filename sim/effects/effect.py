@@ -16,6 +16,7 @@ from ..entries import PhysicsError
 from ..tree import Joint, PhysicalRobot
 
 Values = Mapping[str, float]
+TRUNK = "trunk"
 
 
 class Group(enum.Enum):
@@ -34,6 +35,7 @@ class Scope(enum.Enum):
 
     JOINT = "joint"
     LEG = "leg"
+    BODY = "body"  #: named by the joint that moves it; a hexapod's root is ``trunk``
     ROBOT = "robot"
     BUS = "bus"
 
@@ -64,7 +66,7 @@ class Effect:
     """One piece of physics of the catalogue.
 
     ``change(robot, where, values)`` gives the robot with the effect; ``where`` holds the names of
-    joints (:attr:`Scope.JOINT`) or legs (:attr:`Scope.LEG`) and is empty for the rest.
+    joints, legs or bodies, as the scope says, and is empty for the rest.
     """
 
     name: str
@@ -100,6 +102,9 @@ class Effect:
             return frozenset(joint.name for joint in robot.joints)
         if self.scope is Scope.LEG:
             return frozenset(leg.name for leg in robot.legs)
+        if self.scope is Scope.BODY:
+            trunk = () if robot.trunk is None else (TRUNK,)
+            return frozenset((*trunk, *(body.name for body in robot.bodies)))
         return frozenset()
 
     def apply(self, robot: PhysicalRobot, where: Iterable[str], values: Values) -> PhysicalRobot:
@@ -109,6 +114,8 @@ class Effect:
         not have, an unknown parameter or a value out of its bounds.
         """
         places = self.places(robot)
+        if self.scope in (Scope.JOINT, Scope.LEG, Scope.BODY) and not places:
+            raise PhysicsError(f"effect {self.name}: {robot.name} has no {self.scope.value}")
         chosen = frozenset(where) or places
         if unknown := sorted(chosen - places):
             raise PhysicsError(

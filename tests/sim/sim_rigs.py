@@ -6,10 +6,12 @@ import copy
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from busemu.plant import DriveCommand
 from busemu.tables import Robot
 from busemu.tables.robots import parse_robot
-from sim.world import BulletPlant
+from sim.world import BulletPlant, World
 
 # Position laws as the servos have them at power-on: XL-320 p_gain 32, AX-12A slope 32 counts.
 LAWS: Mapping[str, Mapping[str, float]] = {
@@ -51,3 +53,20 @@ def changed(robot: Robot, *keys: Any, to: Any) -> Robot:
     else:
         table[keys[-1]] = to
     return parse_robot(document, robot.path)
+
+
+def swing(world: World, joint: str, amplitude_rad: float) -> float:
+    """Period [s] of the only joint of a rig let go from an amplitude, over two swings."""
+    step_s = world.step_s
+    position, velocity, none = np.zeros(1), np.zeros(1), np.zeros(1)
+    world.place((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), {joint: amplitude_rad})
+    before, crossings, step = amplitude_rad, [], 0
+    while len(crossings) < 5:
+        world.step(none)
+        world.read(position, velocity)
+        step += 1
+        after = float(position[0])
+        if before * after < 0.0:
+            crossings.append((step - after / (after - before)) * step_s)
+        before = after
+    return 0.5 * (crossings[4] - crossings[0])
