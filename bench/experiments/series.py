@@ -113,12 +113,15 @@ def voltage_v(recording: Recording, servo_id: int, robot: Robot, t_s: Floats) ->
     return np.full(np.shape(t_s), float(volts))
 
 
-def cut_at_s(recording: Recording, servo_id: int) -> float | None:
-    """When a servo was first seen shut down [s]: the register its shutdown cuts read 0."""
+def cut_at_s(recording: Recording, servo_id: int, span: tuple[float, float]) -> float | None:
+    """When within ``span`` a servo was first seen shut down [s].
+
+    Seen is the register that its shutdown cuts: it reads 0.
+    """
     register = str(recording.models[servo_id].drive["shutdown_cuts"])
-    series = recording.series(servo_id, register, "read")
-    zero = np.flatnonzero(series.value == 0.0)
-    return float(series.t_sample_s[zero[0]]) if len(zero) else None
+    times, raw = recording.series(servo_id, register, "read")
+    found = times[(raw == 0.0) & (times >= span[0]) & (times <= span[1])]
+    return float(found[0]) if len(found) else None
 
 
 def rms(values: Floats) -> float:

@@ -1,0 +1,90 @@
+"""Torque analysis: four panels over time, the tibia's motion and the torques of the three joints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from bench.figures.style import GOAL, INK, MEASURED, MODELLED, START, STOP, styled
+
+if TYPE_CHECKING:
+    from ..torque_analysis import TorqueAnalysis
+
+LOAD_COLOURS = (START, MEASURED, MODELLED)
+
+
+@styled
+def torque_analysis_figure(result: TorqueAnalysis) -> Figure:
+    """A line a repeat from the position error, a dashed one a load for the true torque."""
+    figure = Figure(figsize=(9.6, 6.8), layout="constrained")
+    grid = figure.subplots(2, 2, sharex=True)
+    figure.suptitle(
+        f"Torque analysis: {result.robot}, {result.leg} extends its tibia, "
+        f"{result.repeats} repeats a load",
+        x=0.01,
+        ha="left",
+        fontsize=11.0,
+        fontweight="bold",
+    )
+    _motion(grid[0, 0], result)
+    for axes, part in zip(
+        (grid[0, 1], grid[1, 0], grid[1, 1]), ("coxa", "femur", "tibia"), strict=True
+    ):
+        _torque(axes, result, part)
+    for axes in grid[1]:
+        axes.set_xlabel("time since the tibia began to move [s]")
+    low = min(axes.get_ylim()[0] for axes in (grid[0, 1], grid[1, 0], grid[1, 1]))
+    high = max(axes.get_ylim()[1] for axes in (grid[0, 1], grid[1, 0], grid[1, 1]))
+    for axes in (grid[0, 1], grid[1, 0], grid[1, 1]):
+        axes.set_ylim(low, high)
+    _legend(figure, result)
+    return figure
+
+
+def _motion(axes: Axes, result: TorqueAnalysis) -> None:
+    for load_kg, colour in zip(result.loads_kg, LOAD_COLOURS, strict=False):
+        for course in result.of("tibia", load_kg):
+            axes.plot(course.t_s, np.degrees(course.goal_rad), color=GOAL, linewidth=0.9, zorder=1)
+            axes.plot(course.t_s, np.degrees(course.position_rad), color=colour, linewidth=0.8)
+    axes.set_title("tibia: the motion (grey: goal)")
+    axes.set_ylabel("angle [°]")
+
+
+def _torque(axes: Axes, result: TorqueAnalysis, part: str) -> None:
+    for sign in (-1.0, 1.0):
+        axes.axhline(sign * result.stall_at_nm, color=STOP, linewidth=0.9, linestyle=":")
+    for load_kg, colour in zip(result.loads_kg, LOAD_COLOURS, strict=False):
+        every = result.of(part, load_kg)
+        for course in every:
+            axes.plot(course.t_s, course.torque_nm, color=colour, linewidth=0.6, alpha=0.55)
+            if course.shut_down_s == course.shut_down_s:
+                at = int(np.argmin(np.abs(course.t_s - course.shut_down_s)))
+                axes.plot(
+                    course.t_s[at], course.torque_nm[at], "x", color=STOP, markersize=7,
+                    markeredgewidth=1.6, zorder=4,
+                )  # fmt: skip
+        if every and not np.isnan(every[0].true_nm).all():
+            axes.plot(every[0].t_s, every[0].true_nm, color=INK, linewidth=0.9, linestyle="--")
+    axes.set_title(part)
+    axes.set_ylabel("torque [N m]")
+
+
+def _legend(figure: Figure, result: TorqueAnalysis) -> None:
+    handles = [
+        Line2D([], [], color=colour, label=f"+{load_kg * 1e3:.0f} g")
+        for load_kg, colour in zip(result.loads_kg, LOAD_COLOURS, strict=False)
+    ]
+    if any(not np.isnan(course.true_nm).all() for course in result.courses):
+        handles.append(
+            Line2D([], [], color=INK, linestyle="--", linewidth=0.9, label="true torque")
+        )
+    handles.append(Line2D([], [], color=STOP, linestyle=":", label="stall torque"))
+    if any(course.shut_down_s == course.shut_down_s for course in result.courses):
+        handles.append(
+            Line2D([], [], color=STOP, marker="x", linestyle="", label="servo shut down")
+        )
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
