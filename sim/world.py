@@ -26,7 +26,7 @@ from .model import read_model
 from .quiet import quiet_stderr
 from .stability import LARGEST, stiffness_number, too_stiff
 from .stepped import TICK_S, SteppedPlant
-from .tree import PhysicalRobot
+from .tree import Ground, PhysicalRobot
 from .urdf import urdf
 
 with quiet_stderr():  # it announces its build time
@@ -79,7 +79,7 @@ class World:
         )
         self.set_step(step_s)
         if robot.trunk is not None:
-            self._lay_ground()
+            self._lay_ground(robot.ground)
         with tempfile.TemporaryDirectory(prefix="busemu-") as folder:
             path = Path(folder) / "robot.urdf"
             path.write_text(urdf(robot), "utf-8")
@@ -97,18 +97,7 @@ class World:
             number[pybullet.getJointInfo(self._body, i, **self._on)[1].decode()] = i
         self._joints = [number[joint.name] for joint in robot.joints]
         self._feet = {number[f"{leg.name}.tibia"]: leg.name for leg in robot.legs}
-        own = {number[f"{leg.name}.tibia"]: leg.foot.friction for leg in robot.legs}
-        for link in (-1, *number.values()):
-            pybullet.changeDynamics(
-                self._body,
-                link,
-                lateralFriction=own.get(link, robot.contact.friction),
-                restitution=robot.contact.restitution,
-                linearDamping=0.0,
-                angularDamping=0.0,
-                jointDamping=0.0,
-                **self._on,
-            )
+        self._rub(robot, number)
         pybullet.setJointMotorControlArray(
             self._body,
             self._joints,
@@ -127,12 +116,44 @@ class World:
         height = robot.height_m(robot.rest_rad) if lying else HELD_HEIGHT_M
         self.place((0.0, 0.0, height), LEVEL, rest)
 
+    def _rub(self, robot: PhysicalRobot, number: Mapping[str, int]) -> None:
+        """Give every link its friction, and the feet and the ground their springs."""
+        feet = {number[f"{leg.name}.tibia"]: leg.foot for leg in robot.legs}
+        for link in (-1, *number.values()):
+            friction = feet[link].friction if link in feet else robot.contact.friction
+            pybullet.changeDynamics(
+                self._body,
+                link,
+                lateralFriction=friction,
+                restitution=robot.contact.restitution,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                **self._on,
+            )
+        for link, foot in feet.items():
+            self._soften(self._body, link, foot.stiffness_n_m, foot.damping_n_s_m)
+        if robot.trunk is not None:
+            ground = robot.ground
+            self._soften(self._ground, -1, ground.stiffness_n_m, ground.damping_n_s_m)
+
+    def _soften(self, body: int, link: int, stiffness_n_m: float, damping_n_s_m: float) -> None:
+        """Give a link's contacts a spring and a damper; a rigid one is left as it is."""
+        if math.isfinite(stiffness_n_m):
+            pybullet.changeDynamics(
+                body,
+                link,
+                contactStiffness=stiffness_n_m,
+                contactDamping=damping_n_s_m,
+                **self._on,
+            )
+
     def set_step(self, step_s: float) -> None:
         """Make every further step so long."""
         self.step_s = step_s
         pybullet.setPhysicsEngineParameter(fixedTimeStep=step_s, **self._on)
 
-    def _lay_ground(self) -> None:
+    def _lay_ground(self, ground: Ground) -> None:
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, **self._on)
         floor = pybullet.createVisualShape(
             pybullet.GEOM_BOX,
@@ -142,7 +163,9 @@ class World:
             **self._on,
         )
         self._ground = pybullet.createMultiBody(0.0, plane, floor, **self._on)
-        pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, restitution=1.0, **self._on)
+        pybullet.changeDynamics(
+            self._ground, -1, lateralFriction=ground.friction, restitution=1.0, **self._on
+        )
 
     def place(
         self,

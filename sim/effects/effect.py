@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 from ..drive.parameters import DriveParameters
 from ..entries import PhysicsError
-from ..tree import Joint, PhysicalRobot
+from ..shapes import MassProperties
+from ..tree import Joint, Leg, PhysicalRobot
 
 Values = Mapping[str, float]
 TRUNK = "trunk"
@@ -144,3 +145,30 @@ def on_drives(
 ) -> Callable[..., PhysicalRobot]:
     """An effect's ``change`` from what it does to one servo's drive."""
     return on_joints(lambda joint, values: replace(joint, drive=change(joint.drive, values)))
+
+
+def on_legs(change: Callable[[Leg, Values], Leg]) -> Callable[..., PhysicalRobot]:
+    """An effect's ``change`` from what it does to one leg's foot."""
+
+    def everywhere(robot: PhysicalRobot, where: frozenset[str], values: Values) -> PhysicalRobot:
+        legs = tuple(change(leg, values) if leg.name in where else leg for leg in robot.legs)
+        return replace(robot, legs=legs)
+
+    return everywhere
+
+
+def on_masses(
+    change: Callable[[MassProperties, Values], MassProperties],
+) -> Callable[..., PhysicalRobot]:
+    """An effect's ``change`` from what it does to the mass properties of one body."""
+
+    def everywhere(robot: PhysicalRobot, where: frozenset[str], values: Values) -> PhysicalRobot:
+        if robot.trunk is not None and TRUNK in where:
+            trunk = replace(robot.trunk, mass=change(robot.trunk.mass, values))
+            robot = replace(robot, trunk=trunk)
+        chosen = [body for body in robot.bodies if body.name in where]
+        return robot.with_bodies(
+            *(replace(body, mass=change(body.mass, values)) for body in chosen)
+        )
+
+    return everywhere
