@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bench.recording import Recording, RecordingError, read
 
-from . import control_state
+from . import control_state, wide_csv
 from .shapes import known_format, recognise
 from .source import head, header
 
@@ -16,16 +16,24 @@ SUFFIXES = (".parquet", ".csv", ".json", ".csv.gz", ".json.gz")
 
 
 def import_file(
-    path: str | Path, format: str = "auto", *, robot: str | None = None
+    path: str | Path,
+    format: str = "auto",
+    *,
+    robot: str | None = None,
+    map_path: str | Path | None = None,
 ) -> list[Recording]:
     """Read a foreign file as recordings.
 
     ``format``: one of :data:`bench.importers.FORMATS`, or ``"auto"``. ``robot``: name or path of a
-    robot file, instead of the one that goes with the format. Raises :class:`RecordingError` with
-    the file, the row and the rule, and ``OSError``.
+    robot file, instead of the one that goes with the format. ``map_path``: what the columns of a
+    wide CSV are, if no file beside it says so. Raises :class:`RecordingError` with the file, the
+    row and the rule, and ``OSError``.
     """
     path = Path(path)
-    found = known_format(format, path).read(path)
+    if map_path is not None and format in ("auto", wide_csv.NAME):
+        found = wide_csv.read(path, Path(map_path))
+    else:
+        found = known_format(format, path).read(path)
     return [_with_robot(recording, robot) for recording in found]
 
 

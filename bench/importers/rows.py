@@ -47,8 +47,11 @@ class EventColumns:
     def observe(self, name: str, t_s: Floats, value: Floats) -> None:
         """Add values that no register holds, in SI, as ``foreign/name``; missing ones left out."""
         there = ~np.isnan(value)
-        times = t_s[there]
-        self._parts.append((times, times, value[there], 0, READ, f"{FOREIGN}/{name}"))
+        self.namespaced(f"{FOREIGN}/{name}", t_s[there], value[there])
+
+    def namespaced(self, register: str, t_s: Floats, value: Floats) -> None:
+        """Add values under a namespace of their own (``imu/roll_rad``), in SI."""
+        self._parts.append((t_s, t_s, value, 0, READ, register))
 
     def note(self, what: str) -> None:
         """Say once what a reader has to know of the import."""
@@ -141,6 +144,15 @@ def whole(values: Floats, path: Path, what: str) -> Floats:
             path, f"{what} {values[row]:g} is no whole number: a register was expected", row + 1
         )
     return values
+
+
+def changes(values: Floats) -> NDArray[np.intp]:
+    """Rows whose value is another than that of the row above, the first one too."""
+    there = np.flatnonzero(~np.isnan(values))
+    if not there.size:
+        return there
+    found: NDArray[np.intp] = there[np.flatnonzero(np.diff(values[there], prepend=np.nan) != 0.0)]
+    return found
 
 
 def group_name(words: Sequence[object]) -> str:

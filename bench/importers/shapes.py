@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from bench.recording import Recording, RecordingError
 
-from . import bam, control_state
+from . import bam, control_state, dynaban, telemetry, wide_csv
 from .source import head
 
 
@@ -23,6 +23,8 @@ class Format:
     read: Callable[[Path], list[Recording]]
 
 
+WIDE = "any CSV of one column a signal, with a map (NAME.columns.toml, or --map)"
+
 #: formats by name, in the order in which a file is tried
 FORMATS: Mapping[str, Format] = MappingProxyType(
     {
@@ -30,8 +32,11 @@ FORMATS: Mapping[str, Format] = MappingProxyType(
         for module, what in (
             (bam, "JSON logs of bam's recorder: one servo, a weight on an arm"),
             (control_state, "pairs control.csv and state_motor.csv: goals and lists of joints"),
+            (dynaban, "CSV of one MX-64: duty and track, trajectories, registers, register dumps"),
+            (telemetry, "CSV with a column a value and servo: pos (5), load (5), ..."),
         )
     }
+    | {wide_csv.NAME: Format(wide_csv.NAME, WIDE, lambda head: False, wide_csv.read)}
 )
 
 
@@ -41,6 +46,8 @@ def recognise(path: Path) -> Format | None:
     Raises :class:`RecordingError` for a broken gzip file and ``OSError``.
     """
     beginning = head(path)
+    if wide_csv.map_beside(path).is_file():
+        return FORMATS[wide_csv.NAME]
     return next((form for form in FORMATS.values() if form.recognises(beginning)), None)
 
 
