@@ -18,7 +18,7 @@ from busemu.assemble import assemble
 from busemu.plant import ideal
 from busemu.ports.pty import PtyPort
 from busemu.protocol import Instruction, InstructionPacket, v1, v2
-from busemu.serve import ServerState, prepare_process, serve
+from busemu.serve import ServerState, Station, prepare_process, serve
 from busemu.tables import load_robot
 from busemu.timing import load_profile
 from hal.bus_errors import BusError
@@ -183,7 +183,7 @@ def lateness() -> list[Row]:
                 raise _DoneError(state)
 
         try:
-            serve(port, bus, every_s=0.2, tell=stop)
+            serve(Station(port, bus), every_s=0.2, tell=stop)
         except _DoneError as done:
             late = statistics.median(done.state.replies_late_s) * US
         finally:

@@ -104,6 +104,8 @@ class Bus:
         if start_s - self._last_byte_s > INTERBYTE_TIMEOUT_S[self.protocol]:
             self._noise(self._framer.abort(), byte_s)
         self._last_byte_s = self._out_free_s
+        if self.profile.echo:
+            self._uplink.carry(data, start_s, byte_s)
         if start_s < self._reply_s[1] and self._reply_s[0] < self._out_free_s:
             self.counts.errors += 1
             self.tell(WireEventKind.COLLISION, start_s, self._out_free_s, data)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
-import time
 from importlib.metadata import entry_points, version
 from pathlib import Path
 from types import FrameType
@@ -13,30 +11,23 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from .assemble import assemble, plants
-from .observe import Observation, ObservationError
-from .ports.device import DeviceError, SerialDevice
-from .ports.line import UartLine, servo_side
-from .ports.port import Port
-from .ports.pty import LinkError, PtyPort
-from .ports.tcp import TcpError, TcpPort
-from .serve import ServerState, prepare_process, serve
+from .observe import ObservationError
+from .ports.device import DeviceError
+from .ports.pty import LinkError
+from .ports.tcp import TcpError
+from .serve import prepare_process, serve
+from .serving import ServingError, Teller, Wanted, each, opened
+from .state import StateError
 from .tables import (
-    Robot,
     RobotError,
     TableError,
-    load_robot,
     load_table,
     models,
     robots,
     table_markdown,
 )
-from .timing import ProfileError, load_profile, profiles
+from .timing import ProfileError, profiles
 from .traceline import TraceError
-from .tracing import TracedPort, Tracing
-
-#: How often an observer looks [s]: fast enough for pictures of a gait.
-OBSERVE_EVERY_S = 0.02
 
 #: Errors that are the user's to mend: one line, exit code 1.
 USER_ERRORS = (
@@ -48,6 +39,8 @@ USER_ERRORS = (
     DeviceError,
     ObservationError,
     TraceError,
+    StateError,
+    ServingError,
 )
 
 app = typer.Typer(
@@ -80,43 +73,65 @@ def _root(
 @app.command("serve")
 def serve_command(
     robot: Annotated[
-        str,
-        typer.Option(help=f"One of {', '.join(robots())}, or the path of a robot file (.toml)."),
+        list[str],
+        typer.Option(
+            help=f"One of {', '.join(robots())}, or the path of a robot file (.toml). "
+            "Several: one bus each."
+        ),
     ],
     timing: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             help=f"Timing profile: one of {', '.join(profiles())}, or a file (.toml). "
             "Default: the one the robot file names."
         ),
     ] = None,
     plant: Annotated[
-        str,
-        typer.Option(help="What moves the joints: bullet (physics) or ideal (first order)."),
-    ] = "bullet",
+        list[str] | None,
+        typer.Option(
+            help="What moves the joints: bullet (physics, the default) or ideal (first order)."
+        ),
+    ] = None,
     link: Annotated[
-        Path | None, typer.Option(help="Keep a symlink of this name to the port while serving.")
+        list[str] | None,
+        typer.Option(metavar="PATH", help="Keep a symlink of this name to the port while serving."),
     ] = None,
     tcp: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="HOST:PORT",
             help="Listen there instead, for raw bytes: 127.0.0.1:4000 for this machine only.",
         ),
     ] = None,
     device: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="PATH",
             help="Be the servos on this real serial port instead: wire it to a control board.",
         ),
     ] = None,
+    echo: Annotated[
+        bool,
+        typer.Option(
+            "--echo",
+            help="Give the host its own bytes back, as an adapter does that hears itself.",
+        ),
+    ] = False,
+    state: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE",
+            help="Keep the servos' EEPROM in this file (.toml), from one start to the next.",
+        ),
+    ] = None,
     observe: Annotated[
-        Path | None,
-        typer.Option(help="Write what an observer beside the robot sees (.csv with .toml)."),
+        list[str] | None,
+        typer.Option(
+            metavar="FILE", help="Write what an observer beside the robot sees (.csv with .toml)."
+        ),
     ] = None,
     trace: Annotated[
-        Path | None,
+        list[str] | None,
         typer.Option(
             metavar="FILE",
             help="Write all that goes over the wire, with modelled and measured times: "
@@ -139,81 +154,74 @@ def serve_command(
 
     On a real line, with --device: the adapter's data line goes to the board's servo connector,
     ground to ground. Wire and USB then take their own time, so only the servos' times are modelled.
+
+    Several buses, each with its own port, joints and clock: give --robot several times, and the
+    other options as often and in the same order ("-" leaves a robot out); --timing and --plant may
+    be given once for all.
+
+        busemu serve --robot marvin --link /tmp/a --robot phantomx --link /tmp/b
     """
     end_by_interrupt()
     try:
-        described = load_robot(robot)
-        profile = load_profile(timing or described.timing)
-        makers = plants()
-        if plant not in makers:
-            fail(f"no plant named {plant!r}: use one of {', '.join(makers)}")
-        tracing = Tracing(trace, trace_size, described, profile.name) if trace else None
-        port = _open(described, link, tcp, device)
-    except USER_ERRORS as error:
-        fail(error)
-    observation = None
-    try:
-        joints = makers[plant](described)
-        if observe is not None:
-            observation = Observation(observe, described, joints)
-        prepare_process()
-        if device is not None:
-            profile = servo_side(profile)
-        bus = assemble(described, joints, profile, start_s=time.monotonic())
-        typer.echo(
-            f"{described.name}: {len(bus.servos)} servos, Protocol {described.protocol}, "
-            f"{described.baud_rate} baud; timing {profile.name}, plant {plant}"
+        count = len(robot)
+        columns = zip(
+            robot,
+            each("--timing", timing, count, shared=True),
+            each("--plant", plant, count, shared=True),
+            each("--link", link, count),
+            each("--tcp", tcp, count),
+            each("--device", device, count),
+            each("--state", state, count),
+            each("--observe", observe, count),
+            each("--trace", trace, count),
+            strict=True,
         )
-        typer.echo(f"port {port.path}" + (f" (also {link})" if link else ""))
-        typer.echo(f"try: {_suggestion(robot, port, link)}")
-        sys.stdout.flush()
-        line = bus if device is None else UartLine(bus)
-        if tracing is not None:
-            tracing.join(bus)
-        serve(
-            TracedPort(port, tracing.log) if tracing else port,
-            line,
-            tell=_Teller(bus),
-            observe=observation.row if observation else None,
-            observe_every_s=OBSERVE_EVERY_S,
-            idle=tracing.idle if tracing else None,
-        )
+        wanted = [
+            Wanted(
+                robot=name,
+                timing=timing_of or None,
+                plant=plant_of or "bullet",
+                link=_path(link_of),
+                tcp=tcp_of or None,
+                device=device_of or None,
+                state=_path(state_of),
+                observe=_path(observe_of),
+                trace=_path(trace_of),
+                trace_size=trace_size,
+                echo=echo,
+            )
+            for (
+                name,
+                timing_of,
+                plant_of,
+                link_of,
+                tcp_of,
+                device_of,
+                state_of,
+                observe_of,
+                trace_of,
+            ) in columns
+        ]
+        with opened(wanted) as buses:
+            for one in buses:
+                one.make_joints()
+            prepare_process()
+            stations = [one.assemble() for one in buses]
+            for one in buses:
+                for line in one.describe():
+                    typer.echo(line)
+            sys.stdout.flush()
+            serve(*stations, tell=Teller(buses))
     except USER_ERRORS as error:
         fail(error)
     except ModuleNotFoundError as error:
-        fail(f"plant {plant!r} needs {error.name}: pip install 'busemu[sim]', or use --plant ideal")
+        fail(f"the plant needs {error.name}: pip install 'busemu[sim]', or use --plant ideal")
     except KeyboardInterrupt:
         typer.echo("\nstopped")
-    finally:
-        port.close()
-        if tracing is not None:
-            tracing.close()
-        if observation is not None:
-            observation.close()
 
 
-def _open(robot: Robot, link: Path | None, tcp: str | None, device: str | None) -> Port:
-    """The end of the wire that the options ask for; raises one of ``USER_ERRORS``."""
-    given = [
-        name
-        for name, value in (("--link", link), ("--tcp", tcp), ("--device", device))
-        if value is not None
-    ]
-    if len(given) > 1:
-        fail(f"{' and '.join(given)} exclude each other: a bus has one end; choose one")
-    if tcp is not None:
-        return TcpPort(tcp)
-    if device is not None:
-        return SerialDevice(device, robot.baud_rate, low_latency=True)
-    return PtyPort(link)
-
-
-def _suggestion(robot: str, port: Port, link: Path | None) -> str:
-    if isinstance(port, TcpPort):
-        return f'serial.serial_for_url("{port.path}")'
-    if isinstance(port, SerialDevice):
-        return f"the control board's program, at {port.baud_rate()} baud"
-    return f"busemu walk --robot {robot} --port {link or port.path}"
+def _path(value: str) -> Path | None:
+    return Path(value) if value else None
 
 
 @app.command("tables")
@@ -244,30 +252,6 @@ def end_by_interrupt() -> None:
 
 def _stop(signum: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
-
-
-class _Teller:
-    """Says on one line what the bus is doing; on a terminal the line renews itself."""
-
-    def __init__(self, bus: object) -> None:
-        self._bus = bus
-        self._before = 0
-        self._told_s = time.monotonic()
-        self._start, self._end = ("\r\x1b[K", "") if sys.stdout.isatty() else ("", "\n")
-
-    def __call__(self, state: ServerState) -> None:
-        counts = self._bus.counts  # type: ignore[attr-defined]
-        now_s = time.monotonic()
-        rate = (counts.transactions - self._before) / (now_s - self._told_s)
-        self._before, self._told_s = counts.transactions, now_s
-        late = sorted(state.replies_late_s)
-        replies = f"{late[len(late) // 2] * 1e6:.0f} us" if late else "none yet"
-        line = (
-            f"{rate:6.0f} transactions/s, {counts.errors} errors, "
-            f"replies late by {replies} (median), "
-            f"physics behind by {state.physics_late_s * 1e3:.1f} ms at most"
-        )
-        os.write(sys.stdout.fileno(), f"{self._start}{line}{self._end}".encode())
 
 
 def main() -> None:

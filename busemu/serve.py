@@ -1,8 +1,9 @@
-"""One loop between a port and a bus.
+"""One loop between ports and buses.
 
 It waits for bytes or for the next deadline, and keeps the joints moving in the meantime.
-There is one thread and no lock. While a reply is on its way the loop advances the joints in small
-slices; just before the reply is due it stops that and spins, so that the reply leaves in time.
+There is one thread and no lock, however many buses there are. While a reply is on its way the loop
+advances the joints in small slices; just before a reply is due it stops that and spins, so that the
+reply leaves in time.
 """
 
 from __future__ import annotations
@@ -10,10 +11,12 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import gc
+import math
 import os
+import select
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -21,8 +24,10 @@ from .ports.port import Port
 
 #: Joints are advanced at most so far at once [s], so that arriving bytes are seen soon.
 SLICE_S = 0.001
-#: So long before a reply is due nothing else is begun [s]: longer than a slice takes to compute.
+#: So long before a reply is due nothing else is begun, if slices take that long to compute [s].
 GUARD_S = 0.0004
+#: Slices of late count as this much longer than they took, and are forgotten by this share a turn.
+SLICE_MARGIN, SLICE_FORGET = 1.5, 0.02
 #: So long before a reply is due the loop spins instead of sleeping [s]: sleep overshoots by less.
 SPIN_S = 0.00015
 #: After a reply the loop does nothing but listen for so long [s], without sleeping: a program that
@@ -60,6 +65,42 @@ class Line(Protocol):
 
 
 @dataclass(slots=True)
+class Station:
+    """One of the buses of a server, the port its client opens, and what is done beside it.
+
+    ``observe`` is called every ``observe_every_s`` of bus time [s], never while a reply is due.
+    ``idle`` is called with the time [s] whenever nothing else is to be done, and no reply of this
+    bus is due within ``GUARD_S``; it has to be quicker than that.
+    """
+
+    port: Port
+    bus: Line
+    observe_every_s: float = 0.0
+    observe: Callable[[float], None] | None = None
+    idle: Callable[[float], None] | None = None
+    observe_s: float = field(init=False)  #: when to observe next
+
+    def __post_init__(self) -> None:
+        self.observe_s = self.bus.plant_s
+
+    def turn(self, now_s: float) -> float:
+        """Take what has come, and let bus and joints go on by one slice at most.
+
+        Returns how far they were behind before [s].
+        """
+        port, bus = self.port, self.bus
+        if bus.line_free_s - now_s < BACKLOG_S and port.wait(0.0):
+            bus.baud_rate = port.baud_rate() or bus.baud_rate
+            if data := port.read():
+                bus.receive(data, now_s)
+        behind_s = now_s - bus.plant_s
+        until_s = min(now_s, bus.plant_s + SLICE_S)
+        port.write(bus.poll(until_s))
+        bus.advance_plant(until_s)
+        return behind_s
+
+
+@dataclass(slots=True)
 class ServerState:
     """How well the server keeps up. Latenesses are of the last while, in seconds."""
 
@@ -71,67 +112,86 @@ class ServerState:
 
 
 def serve(
-    port: Port,
-    bus: Line,
-    *,
+    *stations: Station,
     every_s: float = 5.0,
     tell: Callable[[ServerState], None] | None = None,
-    observe_every_s: float = 0.0,
-    observe: Callable[[float], None] | None = None,
-    idle: Callable[[float], None] | None = None,
 ) -> None:
-    """Serve ``bus`` on ``port`` in wall-clock time, until an exception ends it.
+    """Serve buses in wall-clock time, until an exception ends it.
 
-    That is Ctrl-C, or what the port raises when it is lost.
-
-    ``tell`` is called about every ``every_s`` and ``observe`` every ``observe_every_s`` [s], never
-    while a reply is due. ``idle`` is called with the time [s] whenever nothing else is to be done,
-    and no reply is due within ``GUARD_S``; it has to be quicker than that.
+    That is Ctrl-C, or what a port raises when it is lost. ``tell`` is called about every
+    ``every_s`` [s], never while a reply is due.
     """
     now_s = time.monotonic()
     state = ServerState(now_s)
-    tell_s, observe_s, unlock_s = now_s + every_s, bus.plant_s, now_s
+    tell_s, unlock_s = now_s + every_s, now_s
+    slice_s = GUARD_S  # what a slice of any bus costs, on the safe side
     while True:
         now_s = time.monotonic()
-        reply_s = bus.next_reply_s()
-        if reply_s is not None and reply_s - now_s < GUARD_S:
+        station, reply_s = _next_reply(stations)
+        if station is not None and reply_s - now_s < min(GUARD_S, SPIN_S + slice_s):
             _wait_until(reply_s)
-            port.write(bus.deliver(time.monotonic()))
+            station.port.write(station.bus.deliver(time.monotonic()))
             state.replies_late_s.append(time.monotonic() - reply_s)
-            _listen(port, time.monotonic() + NEXT_S)
+            _listen(stations, time.monotonic() + NEXT_S)
             now_s = time.monotonic()
-        listening = bus.line_free_s - now_s < BACKLOG_S
-        if listening and port.wait(0.0):
-            bus.baud_rate = port.baud_rate() or bus.baud_rate
-            if data := port.read():
-                bus.receive(data, now_s)
-        behind_s = now_s - bus.plant_s
-        until_s = min(now_s, bus.plant_s + SLICE_S)
-        port.write(bus.poll(until_s))
-        bus.advance_plant(until_s)
-        if observe is not None and bus.plant_s >= observe_s:
-            observe(bus.plant_s)
-            observe_s += observe_every_s
+        behind_s = 0.0
+        for station in stations:
+            begun_s = time.monotonic()
+            behind_s = max(behind_s, station.turn(now_s))
+            took_s = SLICE_MARGIN * (time.monotonic() - begun_s)
+            slice_s = max(took_s, slice_s * (1.0 - SLICE_FORGET))
+        if _observed(stations):
             continue
         if behind_s > SLICE_S:
             state.physics_late_s = max(state.physics_late_s, behind_s)
-            continue
-        if tell is not None and now_s >= tell_s:
+        elif tell is not None and now_s >= tell_s:
             tell(state)
             state.physics_late_s = 0.0
             tell_s = now_s + every_s
         elif now_s >= unlock_s:
-            port.unlock()
+            for station in stations:
+                station.port.unlock()
             unlock_s = now_s + UNLOCK_EVERY_S
         else:
-            reply_s = bus.next_reply_s()
-            if idle is not None and (reply_s is None or reply_s - time.monotonic() > GUARD_S):
-                idle(now_s)
-            due_s = bus.next_deadline_s()
-            if bus.next_reply_s() is not None:
-                due_s = min(due_s, now_s + GUARD_S)
-            idle_s = max(0.0, min(IDLE_S, due_s - time.monotonic()))
-            (port.wait if listening else time.sleep)(idle_s)
+            _rest(stations, now_s)
+
+
+def _next_reply(stations: Sequence[Station]) -> tuple[Station | None, float]:
+    """The station whose client has the next bytes, and when [s]; ``None`` where nobody has."""
+    found, found_s = None, math.inf
+    for station in stations:
+        reply_s = station.bus.next_reply_s()
+        if reply_s is not None and reply_s < found_s:
+            found, found_s = station, reply_s
+    return found, found_s
+
+
+def _observed(stations: Sequence[Station]) -> bool:
+    """Let the observers whose time has come look, and say whether there was one."""
+    found = False
+    for station in stations:
+        if station.observe is not None and station.bus.plant_s >= station.observe_s:
+            station.observe(station.bus.plant_s)
+            station.observe_s += station.observe_every_s
+            found = True
+    return found
+
+
+def _rest(stations: Sequence[Station], now_s: float) -> None:
+    """Do what can wait, then sleep until bytes come, or until something is due."""
+    due_s = now_s + IDLE_S
+    waiting = []
+    for station in stations:
+        bus = station.bus
+        reply_s = bus.next_reply_s()
+        if station.idle is not None and (reply_s is None or reply_s - time.monotonic() > GUARD_S):
+            station.idle(now_s)
+        due_s = min(due_s, bus.next_deadline_s())
+        if reply_s is not None:
+            due_s = min(due_s, now_s + GUARD_S)
+        if bus.line_free_s - now_s < BACKLOG_S:
+            waiting.append(station.port)
+    select.select(waiting, [], [], max(0.0, due_s - time.monotonic()))
 
 
 def _wait_until(instant_s: float) -> None:
@@ -143,9 +203,14 @@ def _wait_until(instant_s: float) -> None:
         pass
 
 
-def _listen(port: Port, until_s: float) -> None:
-    """Spin until bytes have come, or until ``until_s``."""
-    while not port.wait(0.0) and time.monotonic() < until_s:
+def _listen(stations: Sequence[Station], until_s: float) -> None:
+    """Spin until bytes have come, a bus falls behind, or ``until_s``."""
+    if len(stations) > 1:
+        behind_s = time.monotonic() - min(station.bus.plant_s for station in stations)
+        _, reply_s = _next_reply(stations)
+        until_s = 0.0 if behind_s > SLICE_S else min(until_s, reply_s - SPIN_S)
+    ports = [station.port for station in stations]
+    while not select.select(ports, [], [], 0.0)[0] and time.monotonic() < until_s:
         pass
 
 

@@ -68,6 +68,7 @@ class Profile:
     ping_slot_s: float = 0.0  #: spacing of replies to a broadcast ping, times the ID
     usb2ax_timeout_s: float = 0.0  #: of the adapter's own sync read, for a servo; 0: it has none
     eeprom_byte_s: float = 0.0  #: a servo is deaf so long for each byte of EEPROM written
+    echo: bool = False  #: the adapter hears what it sends
     instant: bool = False  #: no time at all, not even on the wire
 
     def byte_s(self, baud_rate: int) -> float:
@@ -129,9 +130,9 @@ def _profile(document: dict[str, Any], path: Path) -> Profile:
             raise ProfileError(f"{path}: unknown key {key!r}; known are {', '.join(known)}")
         if key in ("name", "source"):
             values[key] = str(value)
-        elif key == "instant":
+        elif key in ("echo", "instant"):
             if not isinstance(value, bool):
-                raise ProfileError(f"{path}: instant must be true or false, not {value!r}")
+                raise ProfileError(f"{path}: {key} must be true or false, not {value!r}")
             values[key] = value
         elif type(value) not in (int, float) or not 0 <= value < math.inf:
             raise ProfileError(f"{path}: {key} must be a number of at least 0, not {value!r}")

@@ -68,6 +68,7 @@ class TracedPort:
 
     def __init__(self, port: Port, log: WireLog) -> None:
         self.path = port.path
+        self.fileno = port.fileno
         self.wait = port.wait
         self.baud_rate = port.baud_rate
         self.unlock = port.unlock

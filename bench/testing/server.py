@@ -16,7 +16,7 @@ from typing import Any
 
 from busemu.assemble import assemble, plants
 from busemu.ports.pty import LinkError, PtyPort
-from busemu.serve import prepare_process, serve
+from busemu.serve import Station, prepare_process, serve
 from busemu.tables import RobotError, TableError, load_robot
 from busemu.timing import ProfileError, load_profile
 
@@ -68,7 +68,7 @@ def main(robot: str, plant: str, timing: str, link: str | None = None) -> None:
         bus = assemble(described, joints, profile, start_s=time.monotonic())
         _say({"path": port.path})
         questions = Questions(Truth(described, bus), sys.stdin.fileno())
-        serve(port, bus, observe=questions, observe_every_s=LOOK_EVERY_S)
+        serve(Station(port, bus, LOOK_EVERY_S, questions))
     finally:
         port.close()
 

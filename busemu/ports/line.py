@@ -43,6 +43,7 @@ def servo_side(profile: Profile) -> Profile:
         wake_s=0.0,
         latency_timer_s=0.0,
         chunk_bytes=0,
+        echo=False,
     )
 
 

@@ -14,6 +14,9 @@ class Port(Protocol):
 
     path: str  #: what a client opens
 
+    def fileno(self) -> int:
+        """The descriptor to wait on, together with those of other ports."""
+
     def wait(self, timeout_s: float) -> bool:
         """Whether bytes have come within ``timeout_s`` [s]; 0 only looks."""
 

@@ -44,6 +44,10 @@ class TcpPort:
         shown = f"[{host}]" if ":" in host else host
         self.path = f"socket://{shown}:{self._listener.getsockname()[1]}"
 
+    def fileno(self) -> int:
+        """The descriptor to wait on: the client's, or without one the listening socket's."""
+        return (self._listener if self._client is None else self._client).fileno()
+
     def wait(self, timeout_s: float) -> bool:
         """Whether a client has sent bytes within ``timeout_s`` [s]; a new one is let in first."""
         if self._client is None:

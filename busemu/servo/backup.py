@@ -47,6 +47,11 @@ class Backup:
         self.values: Mapping[str, int] = MappingProxyType({})
 
     @property
+    def names(self) -> frozenset[str]:
+        """The registers that a backup holds."""
+        return frozenset(r.name for area in ("EEPROM", "RAM") for r in self._kept(area))
+
+    @property
     def size(self) -> int:
         """Bytes of what is stored."""
         return sum(self._memory.table[name].size for name in self.values)
@@ -54,15 +59,10 @@ class Backup:
     def _kept(self, area: str) -> list[Register]:
         return [
             register
-            for register in self._memory.table.registers
-            if register.area == area
-            and register.writable
-            and self._memory.has(register.name)
-            and (
-                area == "EEPROM"
-                or register.name in RAM
-                or register.name.startswith("indirect_address_")
-            )
+            for register in self._memory.writable(area)
+            if area == "EEPROM"
+            or register.name in RAM
+            or register.name.startswith("indirect_address_")
         ]
 
     def _store(self) -> None:

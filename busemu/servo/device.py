@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from ..plant import Plant
@@ -98,6 +99,13 @@ class Servo:
         self._behaviour.power_on(self._plant.sample(self._plant_id), self._now_s or 0.0)
         self._hear()
         self._command()
+
+    def recall(self, registers: Mapping[str, int], backup: Mapping[str, int]) -> None:
+        """Get power with an EEPROM, raw values by name, and a backup that lasted from before."""
+        for name, raw in registers.items():
+            self.memory[name] = raw
+        self.backup.values = MappingProxyType(dict(backup))
+        self._power_on()
 
     def _command(self) -> None:
         self._plant.command(self._plant_id, self._behaviour.command())
@@ -349,6 +357,35 @@ class Servo:
     def _reboot(self, now_s: float) -> None:
         self._power_on()
         self._deaf_until_s = max(self._deaf_until_s, now_s + REBOOT_S)
+
+    # -- what befalls it -----------------------------------------------------------------------
+
+    @property
+    def plant(self) -> Plant:
+        """What moves its joint and measures it."""
+        return self._plant
+
+    @plant.setter
+    def plant(self, plant: Plant) -> None:
+        self._plant = plant
+        self._command()
+
+    def lose_power(self, now_s: float) -> None:
+        """Be limp and deaf from ``now_s`` [s] until :meth:`regain_power`; the RAM area is lost."""
+        self._note(now_s)
+        self._power_on()
+        self._deaf_until_s = math.inf
+
+    def regain_power(self, now_s: float) -> None:
+        """Start up at ``now_s`` [s]."""
+        self._note(now_s)
+        self._power_on()
+        self._deaf_until_s = now_s + REBOOT_S
+
+    def take_id(self, servo_id: int) -> None:
+        """Have another ID, as if somebody had set it wrongly."""
+        self.memory["id"] = servo_id
+        self._hear()
 
     # -- what goes on without any instruction --------------------------------------------------
 

@@ -34,6 +34,14 @@ class Memory:
         """Whether this servo has a register, at its firmware."""
         return name in self._there
 
+    def writable(self, area: str) -> list[Register]:
+        """The registers of an area that this servo has and an instruction may change."""
+        return [
+            register
+            for register in self.table.registers
+            if register.area == area and register.writable and register.name in self._there
+        ]
+
     def reset(self, registers: Iterable[Register]) -> None:
         """Put initial values into ``registers``; those without one become 0."""
         for register in registers:

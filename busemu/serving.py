@@ -1,0 +1,234 @@
+"""The buses of one server: each with its robot, plant, port and clock, and the files beside it.
+
+`busemu serve` turns its options into one :class:`Wanted` a bus, has each opened by :class:`Served`,
+and gives their stations to the loop of :mod:`busemu.serve`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from .assemble import assemble, plants
+from .observe import Observation
+from .plant import Plant
+from .ports.device import SerialDevice
+from .ports.line import UartLine, servo_side
+from .ports.port import Port
+from .ports.pty import PtyPort
+from .ports.tcp import TcpPort
+from .serve import ServerState, Station
+from .state import State, StateError
+from .tables import Robot, load_robot
+from .timing import Profile, load_profile
+from .tracing import TracedPort, Tracing
+
+#: How often an observer looks [s]: fast enough for pictures of a gait.
+OBSERVE_EVERY_S = 0.02
+#: What a value of an option says that one bus shall do without.
+NONE = "-"
+
+
+class ServingError(ValueError):
+    """Options that cannot be served: says which and what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """One bus as the options ask for it; what is ``None`` is not wanted."""
+
+    robot: str
+    timing: str | None = None
+    plant: str = "bullet"
+    link: Path | None = None
+    tcp: str | None = None
+    device: str | None = None
+    state: Path | None = None
+    observe: Path | None = None
+    trace: Path | None = None
+    trace_size: float = 64.0
+    echo: bool = False
+
+
+def each(name: str, values: Sequence[str] | None, count: int, *, shared: bool = False) -> list[str]:
+    """The value of an option for each of ``count`` buses; empty where a bus does without.
+
+    Given once a robot, in the same order; a ``shared`` one may be given once for all. Raises
+    :class:`ServingError`.
+    """
+    given = ["" if value == NONE else value for value in values or ()]
+    if not given:
+        return [""] * count
+    if len(given) == count:
+        return given
+    if shared and len(given) == 1:
+        return given * count
+    raise ServingError(
+        f"{name} is given {len(given)} times and --robot {count} times: give it once a robot, in "
+        f"the same order{', or once for all' if shared else f'; {name} {NONE} leaves a robot out'}"
+    )
+
+
+class Served:
+    """One bus, opened: its port is there from the beginning, the rest with :meth:`assemble`.
+
+    Raises the errors of its parts, which are the user's to mend.
+    """
+
+    def __init__(self, wanted: Wanted) -> None:
+        self.wanted = wanted
+        self.robot = load_robot(wanted.robot)
+        self.profile = _profile(wanted, self.robot)
+        if wanted.plant not in plants():
+            raise ServingError(f"no plant named {wanted.plant!r}: use one of {', '.join(plants())}")
+        self.tracing: Tracing | None = None
+        self._state: State | None = None
+        self._observation: Observation | None = None
+        self._plant: Plant | None = None
+        self.port = _open(wanted, self.robot)
+        try:
+            if wanted.trace:
+                self.tracing = Tracing(
+                    wanted.trace, wanted.trace_size, self.robot, self.profile.name
+                )
+        except BaseException:
+            self.port.close()
+            raise
+
+    def make_joints(self) -> None:
+        """Make the plant, which may take a while."""
+        wanted = self.wanted
+        self._plant = plants()[wanted.plant](self.robot)
+        if wanted.observe is not None:
+            self._observation = Observation(wanted.observe, self.robot, self._plant)
+
+    def assemble(self) -> Station:
+        """The bus, whose time begins now, as a station of the loop."""
+        if self._plant is None:
+            self.make_joints()
+        assert self._plant is not None
+        self.bus = assemble(self.robot, self._plant, self.profile, start_s=time.monotonic())
+        if self.wanted.state is not None:
+            self._state = State(self.wanted.state, self.robot, self.bus.servos)
+        line = self.bus if self.wanted.device is None else UartLine(self.bus)
+        if self.tracing is not None:
+            self.tracing.join(self.bus)
+        beside = self.tracing is not None or self._state is not None
+        return Station(
+            TracedPort(self.port, self.tracing.log) if self.tracing else self.port,
+            line,
+            observe_every_s=OBSERVE_EVERY_S,
+            observe=self._observation.row if self._observation else None,
+            idle=self._idle if beside else None,
+        )
+
+    def _idle(self, now_s: float) -> None:
+        if self.tracing is not None:
+            self.tracing.idle(now_s)
+        if self._state is not None and self.bus.next_reply_s() is None:
+            self._save()
+
+    def _save(self) -> None:
+        """Keep the EEPROM, or say that the disk does not take it and go on."""
+        if self._state is None:
+            return
+        try:
+            self._state.save()
+        except StateError as error:
+            sys.stderr.write(f"busemu: {error}; the EEPROM is not kept, the bus goes on\n")
+
+    def describe(self) -> Iterator[str]:
+        """Lines for the user: what it is, where, and what to try."""
+        wanted, robot, link = self.wanted, self.robot, self.wanted.link
+        yield (
+            f"{robot.name}: {len(robot.servos)} servos, Protocol {robot.protocol}, "
+            f"{robot.baud_rate} baud; timing {self.profile.name}, plant {wanted.plant}"
+        )
+        yield f"port {self.port.path}" + (f" (also {link})" if link else "")
+        yield f"try: {self._suggestion()}"
+
+    def _suggestion(self) -> str:
+        if isinstance(self.port, TcpPort):
+            return f'serial.serial_for_url("{self.port.path}")'
+        if isinstance(self.port, SerialDevice):
+            return f"the control board's program, at {self.port.baud_rate()} baud"
+        where = self.wanted.link or self.port.path
+        return f"busemu walk --robot {self.wanted.robot} --port {where}"
+
+    def close(self) -> None:
+        """Give everything up; what is to be kept is on the disk afterwards."""
+        self.port.close()
+        if self.tracing is not None:
+            self.tracing.close()
+        if self._state is not None:
+            self._save()
+            self._state.close()
+        if self._observation is not None:
+            self._observation.close()
+
+
+def _profile(wanted: Wanted, robot: Robot) -> Profile:
+    profile = load_profile(wanted.timing or robot.timing)
+    if wanted.device is not None:
+        if wanted.echo:
+            raise ServingError("--echo is for a virtual port: on a real line the adapter decides")
+        return servo_side(profile)
+    return replace(profile, echo=profile.echo or wanted.echo)
+
+
+def _open(wanted: Wanted, robot: Robot) -> Port:
+    """The end of the wire that the options ask for."""
+    ends = (("--link", wanted.link), ("--tcp", wanted.tcp), ("--device", wanted.device))
+    given = [name for name, value in ends if value is not None]
+    if len(given) > 1:
+        raise ServingError(
+            f"{' and '.join(given)} exclude each other: a bus has one end; choose one"
+        )
+    if wanted.tcp is not None:
+        return TcpPort(wanted.tcp)
+    if wanted.device is not None:
+        return SerialDevice(wanted.device, robot.baud_rate, low_latency=True)
+    return PtyPort(wanted.link)
+
+
+@contextlib.contextmanager
+def opened(wanted: Sequence[Wanted]) -> Iterator[list[Served]]:
+    """All buses that are wanted, with their ports open; closed afterwards, whatever happens."""
+    with contextlib.ExitStack() as stack:
+        found = []
+        for one in wanted:
+            served = Served(one)
+            stack.callback(served.close)
+            found.append(served)
+        yield found
+
+
+@dataclass(slots=True)
+class Teller:
+    """Says on one line what the buses are doing; on a terminal the line renews itself."""
+
+    served: Sequence[Served]
+    _before: int = 0
+    _told_s: float = field(default_factory=time.monotonic)
+
+    def __call__(self, state: ServerState) -> None:
+        """Tell of the time since the last call."""
+        counts = [served.bus.counts for served in self.served]
+        transactions = sum(count.transactions for count in counts)
+        now_s = time.monotonic()
+        rate = (transactions - self._before) / (now_s - self._told_s)
+        self._before, self._told_s = transactions, now_s
+        late = sorted(state.replies_late_s)
+        replies = f"{late[len(late) // 2] * 1e6:.0f} us" if late else "none yet"
+        line = (
+            f"{rate:6.0f} transactions/s, {sum(count.errors for count in counts)} errors, "
+            f"replies late by {replies} (median), "
+            f"physics behind by {state.physics_late_s * 1e3:.1f} ms at most"
+        )
+        start, end = ("\r\x1b[K", "") if sys.stdout.isatty() else ("", "\n")
+        os.write(sys.stdout.fileno(), f"{start}{line}{end}".encode())
