@@ -1,0 +1,164 @@
+"""What a recording tells of one joint: what went in, and what was seen, channel by channel."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.recording import Recording, RecordingError
+from busemu.tables import Robot
+from sim.drive import kernel
+from sim.rollout import Replay
+
+from .commands import drive_commands, supply_events
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_SAMPLES = 20  #: below this a recording says nothing about a joint
+STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
+
+
+class Channel(enum.Enum):
+    """A signal of a servo: the registers that may bring it, and the rollouts' column for it."""
+
+    POSITION = ("position", ("present_position",), kernel.OUT_POSITION)
+    DUTY = ("duty", ("present_pwm", "present_load"), kernel.OUT_DUTY)
+    VOLTAGE = ("voltage", ("present_input_voltage", "present_voltage"), kernel.OUT_VOLTAGE)
+
+    def __init__(self, word: str, registers: tuple[str, ...], column: int) -> None:
+        self.word = word
+        self.registers = registers
+        self.column = column
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """One channel over time, shape (n,): times [s since the replay began], values in SI.
+
+    ``index`` is their place among the replay's samples; ``quantum`` the register's step. ``good``
+    is false where a value stands alone against its neighbours (a failed read that was logged).
+    """
+
+    register: str
+    t_s: Floats
+    value: Floats
+    quantum: float
+    index: NDArray[np.intp]
+    good: Mask
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observed:
+    """One joint in one recording; angles are the servo's own."""
+
+    name: str
+    group: str
+    joint: str
+    condition: Mapping[str, Any]
+    replay: Replay
+    channels: Mapping[Channel, Samples]
+    goal: tuple[Floats, Floats]  #: times [s] and goal positions [rad] as the controller got them
+    rated_supply_v: float | None  #: as the operator typed it in
+
+    @property
+    def position(self) -> Samples:
+        """The channel every joint has."""
+        return self.channels[Channel.POSITION]
+
+
+def observe(
+    recordings: Sequence[Recording], robot: Robot, joint: str, *, supply_from_register: bool = True
+) -> list[Observed]:
+    """What some recordings tell of one joint of a robot.
+
+    Where a voltage register was read, the replay's supply is what it says (a channel of its own
+    then judges what made the voltage). Recordings with too few positions are left out. Raises
+    :class:`RecordingError` when none is left.
+    """
+    found = []
+    for recording in recordings:
+        one = _observe(recording, robot, joint, supply_from_register)
+        if one is not None:
+            found.append(one)
+    if not found:
+        raise RecordingError(
+            recordings[0].path if recordings else None,
+            f"no recording has {LEAST_SAMPLES} positions of joint {joint!r} and a write to its "
+            "servo: record goals and present_position",
+        )
+    return found
+
+
+def _observe(
+    recording: Recording, robot: Robot, joint: str, supply_from_register: bool
+) -> Observed | None:
+    mount = robot.by_joint[joint]
+    servo_id = mount.servo_id
+    table = robot.tables[servo_id]
+    series = {}
+    for channel in Channel:
+        for register in channel.registers:
+            if (servo_id, register, "read") in recording.by_series:
+                times, values = recording.si(servo_id, register, "read")
+                if len(times):
+                    quantum = abs(table[register].si_scale)
+                    series[channel] = (register, times, values, quantum)
+                    break
+    if Channel.POSITION not in series or len(series[Channel.POSITION][1]) < LEAST_SAMPLES:
+        return None
+    _, times, angles, quantum = series[Channel.POSITION]
+    good = lonely(angles, quantum)
+    origin = float(min(entry[1][0] for entry in series.values())) - 1e-3
+    start, events = drive_commands(recording, mount, table, times[good], angles[good], origin)
+    union = np.unique(np.concatenate([entry[1] for entry in series.values()])) - origin
+    channels = {}
+    for channel, (register, t, value, step) in series.items():
+        channels[channel] = Samples(
+            register, t - origin, value, step, np.searchsorted(union, t - origin), lonely(value, step)
+        )
+    if supply_from_register and Channel.VOLTAGE in channels:
+        volts = channels[Channel.VOLTAGE]
+        supply = supply_events(volts.t_s[volts.good], volts.value[volts.good])
+        supply[0, 0] = 0.0
+        events = np.concatenate([events, supply])
+        events = events[np.argsort(events[:, 0], kind="stable")]
+    first = angles[good][:5]
+    moving = np.ptp(first) > STILL_QUANTA * quantum
+    velocity = float(np.polyfit(times[good][:5], first, 1)[0]) if moving else 0.0
+    is_goal = events[:, 1] == kernel.GOAL_POSITION
+    goal_t = np.concatenate([[0.0], events[is_goal, 0]])
+    goal = np.concatenate([[start[kernel.GOAL_POSITION]], events[is_goal, 2]])
+    condition = recording.metadata.get("condition", {})
+    return Observed(
+        name=recording.name,
+        group=str(recording.metadata.get("group") or recording.name),
+        joint=joint,
+        condition=condition,
+        replay=Replay(start, events, union, float(first[0]), velocity),
+        channels=channels,
+        goal=(goal_t, goal),
+        rated_supply_v=condition.get("supply_v"),
+    )
+
+
+def lonely(values: Floats, quantum: float) -> Mask:
+    """Where a value is no glitch: not far off both its neighbours while they agree.
+
+    Far is more than eight steps of the register and eight times what neighbours usually differ.
+    """
+    if len(values) < 5:
+        return np.ones(len(values), bool)
+    padded = np.pad(values, 2, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 5)
+    middle = np.median(windows, axis=1)
+    usual = np.median(np.abs(np.diff(values))) if len(values) > 1 else 0.0
+    spread = np.abs(windows[:, [1, 3]] - middle[:, None]).max(axis=1)
+    far = np.abs(values - middle)
+    result: Mask = ~(far > np.maximum(8.0 * quantum, 8.0 * usual) + 3.0 * spread)
+    return result
