@@ -110,7 +110,10 @@ def superpose(
     for start_s, data in sorted(runs):
         if carried:
             first_s, before, _ = carried[-1]
-            offset = round((start_s - first_s) / byte_s) if byte_s else 0
+            if byte_s:
+                offset = round((start_s - first_s) / byte_s)
+            else:  # where bytes take no time, only those of one instant meet
+                offset = 0 if start_s == first_s else len(before)
             if offset < len(before):
                 length = max(len(before), offset + len(data))
                 mixed = bytearray(before.ljust(length, b"\xff"))

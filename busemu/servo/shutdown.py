@@ -68,6 +68,10 @@ class Protection:
         """Have an alarm whose cause is not in the plant's state: encoder, electrical shock."""
         self.alarms |= alarm
 
+    def knows(self, alarm: Alarm) -> bool:
+        """Whether the model has a bit for an alarm."""
+        return alarm in self._bits
+
     def _shutting_down(self, memory: Memory) -> Alarm:
         """The alarms that stay because they shut the servo down."""
         found = Alarm.NONE
