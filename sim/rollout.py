@@ -108,6 +108,33 @@ class Batch:
 
     def run(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> list[Array]:
         """Run candidate ``k`` on replay ``replays[k]``; a (samples, CHANNELS) array for each."""
+        arrays, loads, jobs = self._jobs(candidates, replays)
+        longest = max(len(self.replays[r].samples) for r in replays)
+        out = np.full((len(candidates), longest, kernel.CHANNELS), np.nan)
+        self._share(arrays, loads, jobs, out)
+        return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
+
+    def regulate(
+        self, candidates: Sequence[Candidate], replays: Sequence[int], sensed_rad: Sequence[Array]
+    ) -> list[Array]:
+        """Duty of the controllers alone, along angles that were read: (samples,) for each.
+
+        ``sensed_rad`` is what each replay's servo read at the replay's samples. It is the
+        controller's own sensor, so zero and linearity of the sensor play no part.
+        """
+        arrays, _, jobs = self._jobs(candidates, replays)
+        arrays.params[kernel.ZERO_OFFSET] = 0.0
+        arrays.params[kernel.WAVE] = 0.0
+        duties = []
+        for j, r in enumerate(replays):
+            out = np.full(len(self.replays[r].samples), np.nan)
+            kernel.regulate(arrays, jobs, sensed_rad[j], TICK_S, j, out)
+            duties.append(out)
+        return duties
+
+    def _jobs(
+        self, candidates: Sequence[Candidate], replays: Sequence[int]
+    ) -> tuple[Arrays, Array, Jobs]:
         count = len(candidates)
         arrays = Arrays(
             np.stack([c.drive for c in candidates], axis=1),
@@ -125,23 +152,18 @@ class Batch:
             loads[kernel.SAMPLE_SKEW, j] = c.skew_s
             loads[kernel.DUTY_REFRESH, j] = c.load_refresh_s
             loads[kernel.DUTY_PHASE, j] = c.load_phase_s
+        gravity = [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]
         jobs = Jobs(
             np.asarray(replays, np.int64),
             self._events,
             self._event_range,
             self._samples,
             self._sample_range,
-            np.concatenate(
-                [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]
-            ),
+            np.concatenate(gravity),
             _ranges([len(c.load.sine_nm) for c in candidates]),
             self._end_s,
         )
-        longest = max(len(self.replays[r].samples) for r in replays)
-        out = np.full((count, longest, kernel.CHANNELS), np.nan)
-        with np.errstate(all="ignore"):
-            self._share(arrays, loads, jobs, out)
-        return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
+        return arrays, loads, jobs
 
     def _share(self, arrays: Arrays, loads: Array, jobs: Jobs, out: Array) -> None:
         soft = bool(np.isfinite(arrays.params[kernel.GEAR_STIFFNESS]).any())

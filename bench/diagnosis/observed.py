@@ -120,7 +120,12 @@ def _observe(
     channels = {}
     for channel, (register, t, value, step) in series.items():
         channels[channel] = Samples(
-            register, t - origin, value, step, np.searchsorted(union, t - origin), lonely(value, step)
+            register,
+            t - origin,
+            value,
+            step,
+            np.searchsorted(union, t - origin),
+            lonely(value, step),
         )
     if supply_from_register and Channel.VOLTAGE in channels:
         volts = channels[Channel.VOLTAGE]

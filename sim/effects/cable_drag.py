@@ -31,6 +31,7 @@ EFFECT = Effect(
             typical=0.0,
             off=0.0,
             source="angle of the servo at which the cable is slack",
+            shape=True,
         ),
     ),
     change=on_drives(

@@ -52,6 +52,7 @@ class Parameter:
     typical: float
     off: float
     source: str  #: of bounds and typical size, or "assumed"
+    shape: bool = False  #: gives the effect its form only: alone it does nothing
 
     def check(self, value: float) -> None:
         """Raise :class:`PhysicsError` when a value is not within the bounds."""

@@ -31,6 +31,7 @@ EFFECT = Effect(
             typical=1.0,
             off=1.0,
             source="once or twice a turn for magnets",
+            shape=True,
         ),
         Parameter(
             "phase_rad",
@@ -40,6 +41,7 @@ EFFECT = Effect(
             typical=0.0,
             off=0.0,
             source="where the wave begins",
+            shape=True,
         ),
     ),
     change=on_drives(

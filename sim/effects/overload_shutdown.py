@@ -32,6 +32,7 @@ EFFECT = Effect(
             typical=1.0,
             off=1.0,
             source="assumed",
+            shape=True,
         ),
     ),
     change=on_drives(lambda d, v: replace(d, overload_duty=v["duty"], overload_time_s=v["time_s"])),

@@ -31,6 +31,7 @@ EFFECT = Effect(
             typical=0.2,
             off=0.2,
             source="published fits: 0.1 to 2.9 rad/s",
+            shape=True,
         ),
     ),
     change=on_drives(

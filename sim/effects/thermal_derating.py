@@ -31,6 +31,7 @@ EFFECT = Effect(
             typical=10.0,
             off=1.0,
             source="assumed",
+            shape=True,
         ),
     ),
     change=on_drives(
