@@ -30,6 +30,9 @@ Floats = NDArray[np.float64]
 #: Registers that say where to go and whether, and nothing of how: they do not change the law.
 NOT_THE_LAW = frozenset({"goal_position", "torque_enable", "torque_limit", "moving_speed"})
 
+#: A joint has turned back when it has gone so many counts the other way: one is noise. Assumed.
+TURNED_COUNTS = 1.5
+
 
 def position_law(
     table: ControlTable, registers: Mapping[str, int], firmware_version: int | None = None
@@ -131,17 +134,53 @@ class TorqueSensor:
         voltage_v: Floats | float,
         velocity_rad_s: Floats | float = 0.0,
     ) -> Floats:
-        """Torque of the servo on the joint [N m] at errors [rad]; at rest unless a velocity is given.
+        """Torque of the servo on the joint [N m] at errors [rad]: duty times stall torque.
 
-        ``voltage_v``: at the servo's terminals.
+        At rest unless a velocity is given. ``voltage_v``: at the servo's terminals.
         """
         stall_nm = self._stall_nm(voltage_v)
-        no_load = self.drive.data_sheet.no_load_velocity_rad_s
-        no_load = no_load * np.asarray(voltage_v) / self.drive.data_sheet.voltage_v
-        torque: Floats = stall_nm * (self.duty(error_rad) - np.asarray(velocity_rad_s) / no_load)
+        torque: Floats = stall_nm * (self.duty(error_rad) - self._slip(velocity_rad_s, voltage_v))
         return torque
+
+    def torque_past_friction_nm(
+        self, error_rad: Floats, voltage_v: Floats | float, position_rad: Floats
+    ) -> Floats:
+        """Torque of the servo on a slow joint [N m], with friction against its last motion.
+
+        All over time, shape (samples,). The motor gives duty times the stall torque and the
+        friction it had to overcome at stall; of that, friction takes its part from a joint that
+        the motor moves, and adds it to one that the load moves. Until the joint has moved, friction
+        is left out.
+        """
+        motor_nm = self.duty(error_rad) * (self._stall_nm(voltage_v) + self.friction_nm)
+        way = last_way(position_rad, TURNED_COUNTS * self.count_rad)
+        torque: Floats = motor_nm - self.friction_nm * way
+        return torque
+
+    def _slip(self, velocity_rad_s: Floats | float, voltage_v: Floats | float) -> Floats:
+        """Velocity as a share of that without load."""
+        sheet = self.drive.data_sheet
+        no_load = sheet.no_load_velocity_rad_s * np.asarray(voltage_v) / sheet.voltage_v
+        return np.asarray(velocity_rad_s / no_load)
 
     def _stall_nm(self, voltage_v: Floats | float) -> Floats:
         values, inverse = np.unique(np.asarray(voltage_v, dtype=float), return_inverse=True)
         stalls = np.array([self.stall_at_nm(v) for v in values.tolist()])
         return np.asarray(stalls[inverse].reshape(np.shape(voltage_v)))
+
+
+def last_way(position_rad: Floats, turned_rad: float) -> NDArray[np.int8]:
+    """Which way each sample's joint last moved: 1, -1, or 0 before it has moved at all.
+
+    Shape (samples,), as ``position_rad``, in time. A change of way counts once it is
+    ``turned_rad`` [rad] deep.
+    """
+    ways = np.zeros(len(position_rad), dtype=np.int8)
+    way, extreme = 0, position_rad[0] if len(position_rad) else 0.0
+    for i, position in enumerate(position_rad.tolist()):
+        if way * (position - extreme) > 0.0:
+            extreme = position
+        elif abs(position - extreme) >= turned_rad:
+            way, extreme = (1 if position > extreme else -1), position
+        ways[i] = way
+    return ways

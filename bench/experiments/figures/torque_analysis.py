@@ -19,7 +19,7 @@ LOAD_COLOURS = (START, MEASURED, MODELLED)
 
 @styled
 def torque_analysis_figure(result: TorqueAnalysis) -> Figure:
-    """A line a repeat from the position error, a dashed one a load for the true torque."""
+    """A thin line a repeat from the position error, a broad one a load for the true torque."""
     figure = Figure(figsize=(9.6, 6.8), layout="constrained")
     grid = figure.subplots(2, 2, sharex=True)
     figure.suptitle(
@@ -59,16 +59,17 @@ def _torque(axes: Axes, result: TorqueAnalysis, part: str) -> None:
         axes.axhline(sign * result.stall_at_nm, color=STOP, linewidth=0.9, linestyle=":")
     for load_kg, colour in zip(result.loads_kg, LOAD_COLOURS, strict=False):
         every = result.of(part, load_kg)
+        if every and not np.isnan(every[0].true_nm).all():
+            axes.plot(every[0].t_s, every[0].true_nm, color=colour, linewidth=2.4, alpha=0.3)
         for course in every:
-            axes.plot(course.t_s, course.torque_nm, color=colour, linewidth=0.6, alpha=0.55)
-            if course.shut_down_s == course.shut_down_s:
-                at = int(np.argmin(np.abs(course.t_s - course.shut_down_s)))
+            torque = np.where(course.before, course.past_friction_nm, np.nan)
+            axes.plot(course.t_s, torque, color=colour, linewidth=0.7)
+            if not np.isnan(course.shut_down_s):
+                at = int(np.flatnonzero(course.before)[-1])
                 axes.plot(
-                    course.t_s[at], course.torque_nm[at], "x", color=STOP, markersize=7,
+                    course.t_s[at], torque[at], "x", color=STOP, markersize=7,
                     markeredgewidth=1.6, zorder=4,
                 )  # fmt: skip
-        if every and not np.isnan(every[0].true_nm).all():
-            axes.plot(every[0].t_s, every[0].true_nm, color=INK, linewidth=0.9, linestyle="--")
     axes.set_title(part)
     axes.set_ylabel("torque [N m]")
 
@@ -80,10 +81,11 @@ def _legend(figure: Figure, result: TorqueAnalysis) -> None:
     ]
     if any(not np.isnan(course.true_nm).all() for course in result.courses):
         handles.append(
-            Line2D([], [], color=INK, linestyle="--", linewidth=0.9, label="true torque")
+            Line2D([], [], color=GOAL, linewidth=2.4, alpha=0.5, label="true torque, first repeat")
         )
+    handles.append(Line2D([], [], color=INK, linewidth=0.7, label="from position error"))
     handles.append(Line2D([], [], color=STOP, linestyle=":", label="stall torque"))
-    if any(course.shut_down_s == course.shut_down_s for course in result.courses):
+    if any(not np.isnan(course.shut_down_s) for course in result.courses):
         handles.append(
             Line2D([], [], color=STOP, marker="x", linestyle="", label="servo shut down")
         )

@@ -1,0 +1,309 @@
+"""Leg step: how a joint answers a sudden goal (thesis, figures 31 and 35).
+
+The body is on a stand. Coxa, femur and tibia of one leg get a step in turn, out and back, while
+the others stay; the position is read back as fast as the bus allows, that of the stepping joint
+alone. Steps are found in the recording by the goals, so any recording of steps can be evaluated.
+
+The thesis prints neither posture nor size of its steps; those below are assumed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from busemu.tables import Robot
+from hal.legs import PARTS
+from hal.robot_control import RobotControl
+
+from ..recording import Recording, joint_track
+from ..running import Session
+from .experiment import RAW_DATA, Choice, Comparison, ExperimentError, Progress, Trial
+from .motion import Motion, moving, observe
+from .series import Floats, condition, observed, rms, robot_of
+from .steps import StepAnswer, answer
+
+#: Where the leg is before its steps [rad]: in the air, clear of its neighbours. Assumed.
+POSTURE = {"coxa": -0.2, "femur": 0.7, "tibia": -1.2}
+STEP_RAD = 0.4
+POSE_S = 1.2
+#: Time a step is watched for [s]: some ten times what either servo needs for it. Assumed.
+WATCH_S = 0.8
+#: A goal that jumps by more than this is a step [rad]; assumed: 3 degrees.
+JUMP_RAD = math.radians(3.0)
+#: Steps begin up to this long after the one before has been watched [s], drawn by the seed, so
+#: that repeats fall differently between the ticks of servo and bus.
+JITTER_S = 0.02
+OBSERVE_S = 0.002
+#: RMSE of position in the thesis, in units of the resolution.
+THESIS_RMSE = {"phantomx": "as low as 6", "marvin": "as low as 0.5"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One step of one joint in one repeat; arrays of shape (samples,), times since the goal."""
+
+    joint: str
+    repeat: int
+    start_rad: float  #: goal before
+    goal_rad: float
+    t_s: Floats
+    position_rad: Floats
+    true_rad: Floats  #: NaN where nobody knew it
+    answer: StepAnswer
+
+    @property
+    def outward(self) -> bool:
+        """Whether the joint's angle grows."""
+        return self.goal_rad > self.start_rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LegStep:
+    """Steps of the three joints of a leg."""
+
+    robot: str
+    leg: str
+    repeats: int
+    count_rad: float  #: resolution of the position
+    period_s: float  #: median time between two positions read
+    steps: tuple[Step, ...]
+
+    def of(self, part: str, *, outward: bool) -> list[Step]:
+        """Steps of one joint one way, a repeat each."""
+        joint = f"{self.leg}.{part}"
+        return [step for step in self.steps if step.joint == joint and step.outward is outward]
+
+    def repeatability_counts(self, part: str, *, outward: bool) -> float:
+        """RMS of repeats about their mean course, in counts of the sensor; NaN for one repeat."""
+        every = self.of(part, outward=outward)
+        if len(every) < 2:
+            return float("nan")
+        end_s = min(float(step.t_s[-1]) for step in every)
+        at_s = np.arange(0.0, end_s, self.period_s)
+        curves = np.array([np.interp(at_s, step.t_s, step.position_rad) for step in every])
+        return rms((curves - curves.mean(axis=0)).ravel()) / self.count_rad
+
+    def sensor_counts(self, part: str) -> float:
+        """RMS of positions read minus true angles, in counts; NaN where nobody knew them."""
+        every = [s for s in self.steps if s.joint == f"{self.leg}.{part}"]
+        return rms(np.concatenate([s.position_rad - s.true_rad for s in every])) / self.count_rad
+
+    def numbers(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        joints: dict[str, Any] = {}
+        for part in PARTS:
+            joints[part] = {"read_minus_true_rms_counts": self.sensor_counts(part)}
+            for outward, word in ((True, "up"), (False, "down")):
+                every = [step.answer for step in self.of(part, outward=outward)]
+                joints[part][word] = {
+                    "rise_time_s": _mean(a.rise_s for a in every),
+                    "overshoot_of_step": _mean(a.overshoot for a in every),
+                    "settling_time_s": _mean(a.settling_s for a in every),
+                    "steady_error_rad": _mean(a.steady_error_rad for a in every),
+                    "steady_error_spread_rad": float(np.std([a.steady_error_rad for a in every])),
+                    "repeatability_rms_counts": self.repeatability_counts(part, outward=outward),
+                }
+        return {
+            "leg": self.leg,
+            "repeats": self.repeats,
+            "step_rad": _mean(abs(s.goal_rad - s.start_rad) for s in self.steps),
+            "resolution_rad": self.count_rad,
+            "sampling_period_s": self.period_s,
+            "joints": joints,
+        }
+
+    def comparisons(self) -> tuple[Comparison, ...]:
+        """Numbers beside the thesis's."""
+        spread = [
+            self.repeatability_counts(part, outward=way) for part in PARTS for way in (True, False)
+        ]
+        known = [counts for counts in spread if not math.isnan(counts)]
+        found = []
+        if known:
+            found.append(
+                Comparison(
+                    "RMSE of position",
+                    f"{min(known):.2f} to {max(known):.2f} x resolution between repeats",
+                    f"{THESIS_RMSE.get(self.robot, '(another robot)')} x resolution",
+                    "ours is the spread of our own repeats, the thesis's is model against real "
+                    f"robot; {RAW_DATA}",
+                )
+            )
+        largest = max(step.answer.overshoot for step in self.steps)
+        found.append(
+            Comparison(
+                "overshoot",
+                f"up to {largest:.1%} of the step",
+                "seen on the real PhantomX, missed by the thesis's model"
+                if self.robot == "phantomx"
+                else "none reported",
+                "the thesis gives no number for it",
+            )
+        )
+        return tuple(found)
+
+    def findings(self) -> tuple[str, ...]:
+        """What a reader should know."""
+        return tuple(
+            f"{part}: rises in {_mean(s.answer.rise_s for s in every) * 1e3:.0f} ms, overshoots by "
+            f"{_mean(s.answer.overshoot for s in every):.1%}, settles in "
+            f"{_mean(s.answer.settling_s for s in every) * 1e3:.0f} ms, "
+            f"{_mean(abs(s.answer.steady_error_rad) for s in every) / self.count_rad:.1f} counts off"
+            for part in PARTS
+            for every in [self.of(part, outward=True) + self.of(part, outward=False)]
+        )
+
+
+class LegStepExperiment:
+    """Runs, evaluates and draws the leg step."""
+
+    name = "leg-step"
+    title = "Leg step"
+    figures = "31, 35"
+    description = (
+        "On a stand, coxa, femur and tibia of a leg get a step in turn, read back as fast as the "
+        "bus allows: rise, overshoot, settling, steady error."
+    )
+
+    def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
+        """One trial a repeat, with the steps of all three joints, trunk held."""
+        if any(f"{choice.leg}.{part}" not in robot.by_joint for part in PARTS):
+            raise ExperimentError(f"{robot.name} has no leg {choice.leg}: choose another --leg")
+        return tuple(
+            Trial(
+                name=f"{self.name}-{repeat:02}",
+                repeat=repeat,
+                seed=choice.seed + repeat,
+                seconds=POSE_S + 6.0 * (WATCH_S + JITTER_S),
+                held=True,
+                condition={"leg": choice.leg},
+            )
+            for repeat in range(1, choice.repeats + 1)
+        )
+
+    def preparation(self, robot: Robot, trial: Trial) -> str:
+        """What a person must do with a real robot."""
+        return (
+            "Put the robot on a stand so that no foot touches anything and the trunk cannot move. "
+            f"{trial.condition['leg']} will jump by {math.degrees(STEP_RAD):.0f} degrees in each "
+            "of its joints: keep hands and cables away."
+        )
+
+    def run(self, session: Session, trial: Trial, progress: Progress) -> Mapping[str, Any]:
+        """Take the posture, then step joint after joint."""
+        leg = str(trial.condition["leg"])
+        rng = np.random.default_rng(trial.seed)
+        names = {f"rig/{leg}.{part}_rad" for part in PARTS}
+        observe(session, OBSERVE_S, names.__contains__)
+        with moving(
+            session, [f"{leg}.{part}" for part in PARTS], progress, ("present_voltage",)
+        ) as motion:
+            motion.go({f"{leg}.{part}": angle for part, angle in POSTURE.items()}, POSE_S)
+            motion.hold(0.3)
+            for part in PARTS:
+                joint = f"{leg}.{part}"
+                for goal in (POSTURE[part] + STEP_RAD, POSTURE[part]):
+                    _step(session, motion, joint, goal, rng, progress)
+        return {}
+
+    def evaluate(self, recordings: Sequence[Recording]) -> LegStep:
+        """Find the steps of ``leg``, named in the condition, and measure each."""
+        robot = robot_of(recordings, self.name)
+        leg = str(condition(recordings[0], "leg"))
+        steps: list[Step] = []
+        periods: list[Floats] = []
+        count_rad = 0.0
+        for repeat, recording in enumerate(recordings, start=1):
+            for part in PARTS:
+                joint = f"{leg}.{part}"
+                servo_id = robot.by_joint[joint].servo_id
+                count_rad = recording.register(servo_id, "present_position").si_scale
+                found = _steps(recording, robot, joint, repeat, count_rad)
+                steps += found
+                periods += [np.diff(step.t_s) for step in found]
+        if not steps:
+            raise ExperimentError(
+                f"{self.name}: no goal of {leg} jumps by more than {math.degrees(JUMP_RAD):.0f} "
+                "degrees in these recordings"
+            )
+        return LegStep(
+            robot=robot.name,
+            leg=leg,
+            repeats=len(recordings),
+            count_rad=count_rad,
+            period_s=float(np.median(np.concatenate(periods))),
+            steps=tuple(steps),
+        )
+
+    def draw(self, result: LegStep) -> Figure:
+        """Position over time, a column a joint."""
+        from .figures.leg_step import leg_step_figure  # noqa: PLC0415
+
+        return leg_step_figure(result)
+
+
+def _step(
+    session: Session,
+    motion: Motion,
+    joint: str,
+    goal_rad: float,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> None:
+    """Wait a little, step, and read the one joint as fast as the bus allows."""
+    clock = session.clock
+    one = RobotControl(session.robot, session.client, [joint])
+    clock.sleep_until(clock.now_s() + JITTER_S * float(rng.uniform()))
+    one.read_positions()
+    motion.goals_rad[joint] = goal_rad
+    one.set_goals([goal_rad])
+    until_s = clock.now_s() + WATCH_S
+    while clock.now_s() < until_s:
+        one.read_positions()
+    motion.cycle({})
+
+
+def _steps(
+    recording: Recording, robot: Robot, joint: str, repeat: int, count_rad: float
+) -> list[Step]:
+    """All steps of a joint: from each jump of its goal to its next goal."""
+    track = joint_track(recording, joint, robot)
+    found = []
+    for i in range(1, len(track.goal_rad)):
+        before, goal = float(track.goal_rad[i - 1]), float(track.goal_rad[i])
+        began_s = float(track.goal_t_s[i])
+        end_s = float(track.goal_t_s[i + 1]) if i + 1 < len(track.goal_rad) else math.inf
+        inside = (track.position_t_s >= began_s) & (
+            track.position_t_s < min(end_s, began_s + WATCH_S)
+        )
+        if abs(goal - before) < JUMP_RAD or np.count_nonzero(inside) < 10:
+            continue
+        times = track.position_t_s[inside]
+        latest = track.position_rad[track.position_t_s < began_s]
+        start = float(latest[-1]) if len(latest) else before
+        position = track.position_rad[inside]
+        found.append(
+            Step(
+                joint,
+                repeat,
+                before,
+                goal,
+                times - began_s,
+                position,
+                observed(recording, f"rig/{joint}_rad", times),
+                answer(times - began_s, position, start, goal, 2.0 * count_rad),
+            )
+        )
+    return found
+
+
+def _mean(values: Any) -> float:
+    """Mean of the values that are there; NaN if none is."""
+    there = [value for value in values if not math.isnan(value)]
+    return sum(there) / len(there) if there else float("nan")
