@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
 
 
 class Port(Protocol):
@@ -34,3 +35,21 @@ class Port(Protocol):
 
     def close(self) -> None:
         """Give the port up."""
+
+
+@runtime_checkable
+class Unpluggable(Protocol):
+    """A port that can be taken away from its client, and be given back."""
+
+    def unplug(self) -> None:
+        """Be gone: a client that has the port open notices, and none can open it."""
+
+    def replug(self) -> None:
+        """Be there again, for clients that open it anew."""
+
+
+def plug_of(port: object) -> Callable[[bool], None] | None:
+    """How a port goes away (``False``) and comes back (``True``); ``None`` where it cannot."""
+    if not isinstance(port, Unpluggable):
+        return None
+    return lambda plugged: port.replug() if plugged else port.unplug()

@@ -32,15 +32,31 @@ class PtyPort:
     def __init__(self, link: Path | None = None) -> None:
         if link is not None:
             _check_link(link)
+        self.link = link
+        self._away = False
+        self._open()
+
+    def _open(self) -> None:
         self._master, self._slave = os.openpty()
         os.set_blocking(self._master, False)
         tty.setraw(self._slave)
         self.path = os.ttyname(self._slave)
-        self.link = link
         self._guard: subprocess.Popen[bytes] | None = None
-        if link is not None:
-            self._guard = _guard(link, self.path)
-            os.symlink(self.path, link)
+        if self.link is not None:
+            self._guard = _guard(self.link, self.path)
+            os.symlink(self.path, self.link)
+
+    def unplug(self) -> None:
+        """Take the device and the link away; a client that has it open sees it hang up."""
+        self.close()
+        self._away = True
+        self._master = self._slave = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+
+    def replug(self) -> None:
+        """Be there again: a new device, often of the same name, and the link to it."""
+        self.close()
+        self._away = False
+        self._open()
 
     def fileno(self) -> int:
         """The descriptor to wait on."""
@@ -59,20 +75,24 @@ class PtyPort:
 
     def write(self, data: bytes) -> None:
         """Give bytes to the client. What a client that never reads leaves no room for is lost."""
-        if data:
+        if data and not self._away:
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, data)
 
     def baud_rate(self) -> int:
-        """The output baud rate that the client has set [bit/s]."""
-        return get_baud_rate(self._master)
+        """The output baud rate that the client has set [bit/s]; 0 while unplugged."""
+        return 0 if self._away else get_baud_rate(self._master)
 
     def unlock(self) -> None:
         """Undo a client's TIOCEXCL, which would lock the next client out."""
-        fcntl.ioctl(self._slave, termios.TIOCNXCL)
+        if not self._away:
+            fcntl.ioctl(self._slave, termios.TIOCNXCL)
 
     def close(self) -> None:
         """Take the link away and close both ends."""
+        if self._away:
+            os.close(self._master)
+            return
         if self.link is not None:
             _unlink_own(self.link, self.path)
         if self._guard is not None:

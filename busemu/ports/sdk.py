@@ -10,6 +10,10 @@ they run as fast as the machine can and every run is the same to the bit::
 
 from __future__ import annotations
 
+import errno
+import os
+import termios
+
 from ..bus import Bus
 from ..clock import VirtualClock
 
@@ -29,14 +33,30 @@ class SdkPort:
         self.packet_start_time = 0.0
         self.packet_timeout = 0.0
         self._waiting = bytearray()
+        self._away = False  #: whether the port is unplugged
+        self._lost = False  #: whether it was, since it was opened
+
+    def unplug(self) -> None:
+        """Let the port be gone: from now on every use fails as it does on a real one."""
+        self._away = self._lost = True
+        self._waiting.clear()
+
+    def replug(self) -> None:
+        """Let the port be there again; the program has to open it anew."""
+        self._away = False
+
+    def _open(self) -> bool:
+        if self._away:
+            raise _serial_error(errno.ENOENT, f"could not open port {self.port_name}")
+        self.is_open, self._lost = True, False
+        return True
 
     # The SDK's names are camelCase; the interface is theirs.
     # ruff: noqa: N802
 
     def openPort(self) -> bool:
-        """Open; always succeeds."""
-        self.is_open = True
-        return True
+        """Open; fails only while the port is unplugged."""
+        return self._open()
 
     def closePort(self) -> None:
         """Close; what was on its way is lost."""
@@ -52,9 +72,12 @@ class SdkPort:
         return self.port_name
 
     def setBaudRate(self, baudrate: int) -> bool:
-        """Set the host's baud rate [bit/s]; servos at another one do not hear it."""
+        """Set the host's baud rate [bit/s]; servos at another one do not hear it.
+
+        As the SDK does it, the port is opened anew.
+        """
         self.bus.baud_rate = baudrate
-        return True
+        return self._open()
 
     def getBaudRate(self) -> int:
         """The host's baud rate [bit/s]."""
@@ -63,11 +86,15 @@ class SdkPort:
     def clearPort(self) -> None:
         """Throw away what has arrived and was not read."""
         self.bus.poll(self.clock.now_s())
+        if self._lost:
+            raise termios.error(errno.EIO, os.strerror(errno.EIO))
         self._waiting.clear()
 
     def getBytesAvailable(self) -> int:
         """Bytes that can be read now."""
         self._waiting += self.bus.poll(self.clock.now_s())
+        if self._lost:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
         return len(self._waiting)
 
     def writePort(self, packet: bytes) -> int:
@@ -75,6 +102,8 @@ class SdkPort:
         self.clock.sleep_until(self.clock.now_s() + self.bus.profile.host_out_s)
         data = bytes(packet)
         self.bus.poll(self.clock.now_s())
+        if self._lost:
+            raise _serial_error(errno.EIO, "write failed")
         self.bus.receive(data, self.clock.now_s())
         return len(data)
 
@@ -82,6 +111,8 @@ class SdkPort:
         """Up to ``length`` bytes. With none there, time goes on to the next one or the timeout."""
         if not self._waiting:
             self._wait()
+        if self._lost:
+            raise _serial_error(errno.EIO, "device disconnected")
         data = bytes(self._waiting[:length])
         del self._waiting[:length]
         return data
@@ -93,7 +124,7 @@ class SdkPort:
             if self._waiting:
                 self.clock.sleep_until(self.clock.now_s() + self.bus.profile.host_in_s)
                 return
-            if self.clock.now_s() > limit_s:
+            if self._lost or self.clock.now_s() > limit_s:
                 return
             self.clock.sleep_until(min(self.bus.next_deadline_s(), limit_s + 1e-6))
 
@@ -121,3 +152,11 @@ class SdkPort:
     def getTimeSinceStart(self) -> float:
         """Since the timeout was started [ms]."""
         return self.getCurrentTime() - self.packet_start_time
+
+
+def _serial_error(number: int, words: str) -> OSError:
+    """The error that pyserial, on which the SDK's own port stands, raises."""
+    from serial import SerialException  # noqa: PLC0415 - who has the SDK has pyserial
+
+    error: OSError = SerialException(number, f"{words}: {os.strerror(number)}")
+    return error

@@ -41,6 +41,7 @@ class TcpPort:
             ) from None
         self._listener.setblocking(False)
         self._client: socket.socket | None = None
+        self._away = False
         shown = f"[{host}]" if ":" in host else host
         self.path = f"socket://{shown}:{self._listener.getsockname()[1]}"
 
@@ -61,6 +62,9 @@ class TcpPort:
     def _accept(self) -> None:
         with contextlib.suppress(OSError):  # it may have left again
             client, _ = self._listener.accept()
+            if self._away:
+                client.close()
+                return
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._client = client
@@ -89,6 +93,15 @@ class TcpPort:
             pass
         except OSError:
             self._dismiss()
+
+    def unplug(self) -> None:
+        """Hang up, and at once on everybody who calls."""
+        self._away = True
+        self._dismiss()
+
+    def replug(self) -> None:
+        """Take clients again."""
+        self._away = False
 
     def _dismiss(self) -> None:
         if self._client is not None:
