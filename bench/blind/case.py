@@ -1,0 +1,267 @@
+"""A case: drawn from a seed, a rig with something hidden in it, and how it is concealed."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bench.motions import ExperimentPlan
+
+from .changes import Setting, Truth
+from .effects import EFFECTS, Effect
+from .instant import OPEN, Gate, GateKind
+from .nuisances import Nuisances, Passing, draw_nuisances
+from .rigs import RIGS, STYLES
+from .sizing import RATIOS, Ground, effect_named, noise_floor, size_for
+from .specimen import Specimen
+from .unlisted import STRANGERS
+
+
+class Kind(enum.Enum):
+    """How many effects a case has, and whether they can be named."""
+
+    NULL = "null"
+    SINGLE = "single"
+    PAIR = "pair"
+    TRIPLE = "triple"
+    STRANGER = "stranger"  #: physics that is in no catalogue
+    DELETED = "deleted"  #: a single one, diagnosed with a catalogue that lacks it
+
+
+class Concealment(enum.Enum):
+    """How an effect is concealed."""
+
+    PLAIN = "plain"
+    MASKED = "masked"  #: by a larger ordinary misfit
+    SUB_QUANTUM = "sub_quantum"  #: its trace lies below the quantisation step
+    RARE = "rare"  #: a few per cent of the samples
+    MIMICKED = "mimicked"  #: a rival gives nearly the same trace
+
+
+#: share of the cases of each kind when none is asked for; a third are nulls
+SHARES = {
+    Kind.NULL: 0.34,
+    Kind.SINGLE: 0.36,
+    Kind.PAIR: 0.10,
+    Kind.TRIPLE: 0.04,
+    Kind.STRANGER: 0.08,
+    Kind.DELETED: 0.08,
+}
+COUNT = {Kind.NULL: 0, Kind.PAIR: 2, Kind.TRIPLE: 3}
+#: windows of the recordings in which a rare effect is there [s]
+RARE_S = ((0.6, 0.9), (2.1, 2.4), (3.2, 3.6))
+#: worn sectors of a gear [rad]
+RARE_RAD = ((-0.12, 0.12), (0.3, 0.5), (-0.6, -0.4))
+CHOICES = (0.0, 0.5, 1.0)
+DRAWS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Hidden:
+    """An effect in a case: its size, what it is in units of the floor, and what it was to be."""
+
+    name: str
+    size: float
+    ratio: float
+    wanted: float
+    how: Setting
+
+    @property
+    def effect(self) -> Effect:
+        """The effect itself."""
+        return effect_named(self.name)
+
+    def on(self, specimen: Specimen) -> tuple[Specimen, Truth]:
+        """A specimen with it, and its true parameters."""
+        return self.effect.apply(specimen, self.size, self.how)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a caller may fix; the seed draws the rest."""
+
+    kind: str | None = None
+    effects: tuple[str, ...] = ()
+    ratio: float | None = None
+    concealment: str | None = None
+    rig: str | None = None
+    style: str | None = None
+    programme: str | None = None
+    disguise: bool | None = None
+
+    def document(self) -> dict[str, Any]:
+        """As plain values; :meth:`of` reads it."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def of(cls, document: dict[str, Any]) -> Asked:
+        """From plain values."""
+        return cls(**{**document, "effects": tuple(document["effects"])})
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is true of one case. ``ordinary`` are misfits that mask; they are true as well."""
+
+    seed: int
+    asked: Asked
+    kind: Kind
+    concealment: Concealment
+    ground: Ground
+    hidden: tuple[Hidden, ...]
+    ordinary: tuple[Hidden, ...]
+    nuisances: Nuisances
+    disguised: bool
+
+    def specimen(self, plan: ExperimentPlan, passing: Passing | None = None) -> Specimen:
+        """The hidden specimen as it is in one recording."""
+        specimen, _ = self.truth(plan)
+        return specimen if passing is None else passing.on(specimen)
+
+    def truth(self, plan: ExperimentPlan) -> tuple[Specimen, list[tuple[Hidden, Truth]]]:
+        """The hidden specimen under a plan, and what is true of every effect in it."""
+        specimen = self.ground.rig.specimen(plan.payload_kg)
+        if plan.payload_at_m is not None:
+            specimen = specimen.but(payload_at_m=plan.payload_at_m)
+        specimen = self.nuisances.on(specimen)
+        found = []
+        for hidden in (*self.ordinary, *self.hidden):
+            specimen, truth = hidden.on(specimen)
+            found.append((hidden, truth))
+        return specimen, found
+
+    @property
+    def plans(self) -> tuple[tuple[str, ExperimentPlan], ...]:
+        """Group and plan of every recording, repeats one after another."""
+        return tuple(
+            (run.group, run.plan) for run in self.ground.programme.runs for _ in range(run.repeats)
+        )
+
+
+def draw(seed: int, asked: Asked | None = None) -> Case:
+    """Draw a case; the same seed and wishes give the same case.
+
+    Raises ``ValueError`` where what is asked for cannot be had, and says what to ask for instead.
+    """
+    asked = asked or Asked()
+    random = np.random.default_rng([seed, 20])
+    kind = Kind(asked.kind) if asked.kind else _any(random, list(SHARES), list(SHARES.values()))
+    for _ in range(DRAWS):
+        case = _try(seed, asked, kind, random)
+        if case is not None:
+            return case
+    raise ValueError(
+        f"no case in {DRAWS} draws: {', '.join(asked.effects) or kind.value} does not reach "
+        "the ratio asked for on such a rig: ask for a smaller ratio, or leave the rig open"
+    )
+
+
+def _any(
+    random: np.random.Generator, choices: list[Any], weights: list[float] | None = None
+) -> Any:
+    share = None if weights is None else np.array(weights) / sum(weights)
+    return choices[int(random.choice(len(choices), p=share))]
+
+
+def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Case | None:
+    rig = RIGS[asked.rig or _any(random, list(RIGS))]
+    style = STYLES[asked.style or _any(random, list(STYLES), [0.6, 0.2, 0.2])]
+    programmes = {p.name: p for p in rig.programmes()}
+    programme = programmes[asked.programme or _any(random, list(programmes))]
+    where = Ground(rig, programme, style)
+    if asked.concealment:
+        concealment = Concealment(asked.concealment)
+    elif kind is Kind.NULL:
+        concealment = Concealment.PLAIN
+    else:
+        concealment = _any(random, list(Concealment), [0.3, 0.2, 0.15, 0.15, 0.2])
+    names = _names(asked, kind, concealment, random)
+    hidden: list[Hidden] = []
+    for name in names:
+        found = _hide(where, name, asked, concealment, random)
+        if found is None:
+            return None
+        hidden.append(found)
+    ordinary: tuple[Hidden, ...] = ()
+    if concealment is Concealment.MASKED:
+        ordinary = (_mask(where, names, random),)
+    nuisances = draw_nuisances(random, rig.sheet.rated_voltage_v)
+    pinned = {pin for h in (*hidden, *ordinary) for pin in h.effect.pins}
+    none = Nuisances()
+    plain: dict[str, Any] = {pin: getattr(none, pin) for pin in pinned}
+    disguised = bool(random.random() < 0.2) if asked.disguise is None else asked.disguise
+    return Case(
+        seed=seed,
+        asked=asked,
+        kind=kind,
+        concealment=concealment,
+        ground=where,
+        hidden=tuple(hidden),
+        ordinary=ordinary,
+        nuisances=dataclasses.replace(nuisances, **plain),
+        disguised=disguised and bool(hidden),
+    )
+
+
+def _names(
+    asked: Asked, kind: Kind, concealment: Concealment, random: np.random.Generator
+) -> list[str]:
+    count = COUNT.get(kind, 1)
+    if asked.effects:
+        if len(asked.effects) != count:
+            raise ValueError(f"a case of kind {kind.value} has {count} effects: name so many")
+        return list(asked.effects)
+    pool = STRANGERS if kind is Kind.STRANGER else EFFECTS
+    names = [
+        name
+        for name, effect in pool.items()
+        if not (concealment is Concealment.RARE and not effect.gates)
+        and not (concealment is Concealment.MIMICKED and not effect.rivals)
+    ] or list(pool)
+    return [names[i] for i in random.permutation(len(names))[:count]]
+
+
+def _hide(
+    where: Ground,
+    name: str,
+    asked: Asked,
+    concealment: Concealment,
+    random: np.random.Generator,
+) -> Hidden | None:
+    effect = effect_named(name)
+    wanted = asked.ratio or float(_any(random, list(RATIOS)))
+    if effect.channel != "present_position" and "duty" not in where.style.reads:
+        return None
+    if name == "com_offset" and where.rig.upright:
+        return None
+    gate = OPEN
+    if concealment is Concealment.RARE and effect.gates:
+        kind = effect.gates[0]
+        low, high = _any(random, list(RARE_S if kind is GateKind.TIME else RARE_RAD))
+        gate = Gate(kind, low, high)
+    if concealment is Concealment.SUB_QUANTUM:
+        below = 0.95 * where.rig.sheet.step_rad / noise_floor(where.key)
+        fitting = [ratio for ratio in RATIOS if ratio <= min(below, wanted)]
+        if not fitting:
+            return None
+        wanted = fitting[-1]
+    sign = int(_any(random, [-1, 1])) if effect.signed else 1
+    how = Setting(sign, float(_any(random, list(CHOICES))), gate)
+    found = size_for(where.key, name, wanted, how)
+    return None if found is None else Hidden(name, found.size, found.ratio, wanted, how)
+
+
+def _mask(where: Ground, names: list[str], random: np.random.Generator) -> Hidden:
+    """A gain 20 % off, or a mass 15 % off: counted from the nuisance's bound."""
+    heavier = max(where.rig.payloads_kg) > 0.5 * where.rig.arm.mass_kg
+    masses = ("payload", 0.10 * where.rig.payloads_kg[-1]) if heavier else ("link_mass", 0.10)
+    choices = [c for c in (("gain_error", 0.10), masses) if c[0] not in names] or [
+        ("supply_voltage", 0.10)
+    ]
+    name, size = _any(random, choices)
+    sign = int(_any(random, [-1, 1])) if effect_named(name).signed else 1
+    return Hidden(name, size, float("nan"), float("nan"), Setting(sign))
