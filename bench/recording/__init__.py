@@ -5,7 +5,7 @@ from .describe import describe
 from .errors import RecordingError
 from .files import check_path, read, write
 from .joints import JointTrack, joint_track, joint_tracks
-from .oddities import Gap, Oddities, gaps, oddities
+from .oddities import Gap, Oddities, Oddity, Weight, gaps, oddities
 from .recorder import Recorder
 from .recording import Recording, Series
 
@@ -14,10 +14,12 @@ __all__ = [
     "Gap",
     "JointTrack",
     "Oddities",
+    "Oddity",
     "Recorder",
     "Recording",
     "RecordingError",
     "Series",
+    "Weight",
     "check_path",
     "describe",
     "gaps",

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from busemu.tables import Register
 
-from .columns import numbers
-from .recording import Recording
-from .rules import WRITE
+from ..columns import numbers
+from ..recording import Recording
+from ..rules import WRITE
+from .oddity import Oddity
 
 #: a series has a rate if it has this many intervals; fewer tell no gap from a pause
 SERIES_INTERVALS = 10
@@ -51,7 +52,7 @@ class SeriesCount:
 
 @dataclass(frozen=True, slots=True)
 class Oddities:
-    """Counts of what was accepted, in rows; ``gaps`` longest first."""
+    """Counts of what was accepted, in rows; ``gaps`` longest first, ``found`` gravest first."""
 
     lost_replies: int  #: reads of a servo without an answer
     gaps: tuple[Gap, ...]
@@ -59,6 +60,7 @@ class Oddities:
     read_only_written: int  #: writes to a register that only the servo changes
     reply_before_instruction: int  #: ``t_reply_s`` earlier than ``t_s``: two clocks, or a bad log
     unchecked: int  #: accesses of servos whose model is not known
+    found: tuple[Oddity, ...] = ()  #: each with its place, why it matters and what to do
 
 
 def counted(recording: Recording) -> tuple[SeriesCount, ...]:
@@ -80,8 +82,8 @@ def counted(recording: Recording) -> tuple[SeriesCount, ...]:
     return tuple(sorted(found, key=lambda s: (s.register, s.op, s.servo_id)))
 
 
-def oddities(recording: Recording) -> Oddities:
-    """Count what a recording was accepted with."""
+def count_accesses(recording: Recording) -> Oddities:
+    """Count what a recording was accepted with; ``found`` stays empty."""
     raw = numbers(recording.table, "raw")
     lost = outside = read_only = unchecked = 0
     for (servo_id, name, op), rows in recording.by_series.items():
@@ -107,15 +109,17 @@ def oddities(recording: Recording) -> Oddities:
     )
 
 
-def gaps(recording: Recording) -> tuple[Gap, ...]:
+def gaps(recording: Recording, op: str | None = None) -> tuple[Gap, ...]:
     """Find gaps: intervals over three times the median of their own series; longest first.
 
     Series of fewer than ten intervals have no rate and no gaps. A lost reply is no gap: the access
-    was made.
+    was made. ``op``: look at reads or at writes only.
     """
     times = recording.t_s
     found: list[NDArray[np.float64]] = []
-    for rows in recording.by_series.values():
+    for (_, _, access), rows in recording.by_series.items():
+        if op not in (None, access):
+            continue
         mine = times[rows]
         intervals = np.diff(mine)
         if intervals.size >= SERIES_INTERVALS and (period := np.median(intervals)) > 0.0:
