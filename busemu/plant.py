@@ -103,6 +103,7 @@ class _Ideal:
     command: DriveCommand
     position_rad: float
     velocity_rad_s: float = 0.0
+    state: ServoState | None = None  #: what was sampled last, if it still holds
 
 
 class IdealPlant:
@@ -141,8 +142,10 @@ class IdealPlant:
     def _move(self, servo: _Ideal, step_s: float) -> None:
         command = servo.command
         if not command.torque_enable or command.duty_limit == 0.0:
-            servo.velocity_rad_s = 0.0
+            if servo.velocity_rad_s:
+                servo.velocity_rad_s, servo.state = 0.0, None
             return
+        servo.state = None
         limit = min(command.velocity_limit_rad_s, self._no_load * command.duty_limit)
         if command.operating_mode is OperatingMode.POSITION:
             goal = command.goal_position_rad
@@ -160,20 +163,23 @@ class IdealPlant:
 
     def command(self, servo_id: int, command: DriveCommand) -> None:
         """Set what a drive shall do from now on."""
-        self._servos[servo_id].command = command
+        servo = self._servos[servo_id]
+        servo.command, servo.state = command, None
 
     def sample(self, servo_id: int) -> ServoState:
         """The state of one servo at the instant last advanced to."""
         servo = self._servos[servo_id]
-        return ServoState(
-            position_rad=servo.position_rad,
-            velocity_rad_s=servo.velocity_rad_s,
-            duty=position_duty(servo.command, servo.position_rad),
-            torque_nm=0.0,
-            current_a=0.0,
-            voltage_v=self._voltage_v,
-            temperature_c=25.0,
-        )
+        if servo.state is None:
+            servo.state = ServoState(
+                position_rad=servo.position_rad,
+                velocity_rad_s=servo.velocity_rad_s,
+                duty=position_duty(servo.command, servo.position_rad),
+                torque_nm=0.0,
+                current_a=0.0,
+                voltage_v=self._voltage_v,
+                temperature_c=25.0,
+            )
+        return servo.state
 
     def observe(self) -> Mapping[str, float]:
         """Nobody stands beside an ideal plant: always empty."""

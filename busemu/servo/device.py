@@ -12,9 +12,11 @@ from ..tables import ControlTable, ServoMount
 from .backup import RESTORE, Backup
 from .indirect import Indirect, Run
 from .memory import Memory
+from .reading import Reading
 from .registers import behaviour
 from .shutdown import Protection
 from .status import Refusal, error_byte
+from .writing import Writing
 
 #: Time from a reboot until the servo listens again [s]. Assumed.
 REBOOT_S = 0.2
@@ -77,6 +79,8 @@ class Servo:
         self._indirect = Indirect(self.memory)
         self.backup = Backup(self.memory)
         self._behaviour = behaviour(self.memory)
+        self._reading = Reading(self.memory, self._indirect, self._behaviour)
+        self._writing = Writing(self.memory, self._indirect, self._behaviour)
         firmware = self.memory["firmware_version"]
         self._instructions = frozenset(
             instruction
@@ -218,44 +222,21 @@ class Servo:
 
     def read(self, address: int, length: int) -> tuple[Refusal | None, bytes]:
         """Read registers as they are at this instant."""
-        if not self.memory.covers(address, length):
+        show = self._reading.view(address, length)
+        if show is None:
             return Refusal.ACCESS, b""
-        self._heard_s = self._now_s or 0.0
-        self._behaviour.show(self._plant.sample(self._plant_id), self._heard_s)
+        self._heard_s = now_s = self._now_s or 0.0
+        show(self._plant.sample(self._plant_id), now_s)
         return None, self._indirect.read(address, length)
 
     def write(self, address: int, data: bytes) -> Refusal | None:
         """Write registers; a refused write changes nothing."""
         self._heard_s = self._now_s or 0.0
-        runs = self._runs(address, data)
-        refusal = self._check(runs)
+        runs = self._writing.runs(address, data)
+        refusal = self._writing.check(runs, shut_down=self._is_shut_down())
         if refusal is None:
             self._store(runs)
         return refusal
-
-    def _runs(self, address: int, data: bytes) -> list[Run]:
-        """Where the bytes of a write go; they go nowhere else if the addresses do not exist."""
-        if not self.memory.covers(address, len(data)):
-            return [(address, data)]
-        return self._indirect.runs(address, data)
-
-    def _check(self, runs: list[Run]) -> Refusal | None:
-        memory = self.memory
-        lock = str(self.table.drive["eeprom_locked_by"])
-        for address, data in runs:
-            refusal = memory.check(address, data)
-            if refusal is not None:
-                return refusal
-            for register in memory.registers(address, len(data)):
-                if memory[lock] and (register.area == "EEPROM" or register.name == lock == "lock"):
-                    return Refusal.ACCESS
-                after = memory.after(register, address, data)
-                refusal = self._behaviour.refuse(register, after)
-                if refusal is not None:
-                    return refusal
-                if register.name == "torque_enable" and after and self._is_shut_down():
-                    return Refusal.RESULT
-        return None
 
     def _is_shut_down(self) -> bool:
         """Whether an alarm shutdown holds until a reboot (models that cut ``torque_enable``)."""
@@ -290,7 +271,8 @@ class Servo:
             self.on_eeprom()
 
     def _register(self, address: int, data: bytes) -> Refusal | None:
-        refusal = self._check(self._runs(address, data))
+        runs = self._writing.runs(address, data)
+        refusal = self._writing.check(runs, shut_down=self._is_shut_down())
         if refusal is None:
             self._registered = (address, data)
             self._show_registered()

@@ -32,10 +32,17 @@ class Indirect:
             return address
         return self._memory[holder]
 
+    def within(self, address: int, length: int) -> bool:
+        """Whether any of the addresses may stand for others."""
+        return any(at in self._holder for at in range(address, address + length))
+
     def read(self, address: int, length: int) -> bytes:
         """The bytes that a read of existing addresses brings."""
-        data = bytearray(self._memory.read(address, length))
-        if self._holder:
+        read = self._memory.read(address, length)
+        if not self._holder:
+            return read
+        data = bytearray(read)
+        if self.within(address, length):
             for offset in range(length):
                 target = self.target(address + offset)
                 if target != address + offset:

@@ -7,7 +7,8 @@ angle limits at their maximum mean multi-turn mode, with its offset and resoluti
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Callable, Mapping, Set
+from types import MappingProxyType
 
 from ..plant import DriveCommand, OperatingMode, ServoState
 from ..tables import Register
@@ -38,6 +39,8 @@ class JointWheel:
         self._load_refresh_s = float(drive.get("load_refresh_s", 0.0))
         self._load_due_s = 0.0
         self._power_s = 0.0
+        self.quick = self._sensors()
+        self.shown = frozenset({*self.quick, "realtime_tick"})
 
     # -- modes -------------------------------------------------------------------------------
 
@@ -160,15 +163,33 @@ class JointWheel:
     def show(self, state: ServoState, now_s: float) -> None:
         """Put the drive's state into the ``present_*`` registers (all but ``present_load``)."""
         memory = self._memory
-        self._show_position(state.position_rad)
-        memory.show("present_speed", state.velocity_rad_s)
-        memory.show("present_voltage", state.voltage_v)
-        memory.show("present_temperature", state.temperature_c)
-        memory["moving"] = int(abs(state.velocity_rad_s) > MOVING_VELOCITY_RAD_S)
+        for show in self.quick.values():
+            show(state)
         if memory.has("realtime_tick"):
             memory["realtime_tick"] = int((now_s - self._power_s) * 1e3) % TICK_MODULO
+
+    def _sensors(self) -> Mapping[str, Callable[[ServoState], None]]:
+        """How each register that needs the state only is filled from it."""
+        memory = self._memory
+        position, speed = memory.gauge("present_position"), memory.gauge("present_speed")
+        voltage, heat = memory.gauge("present_voltage"), memory.gauge("present_temperature")
+
+        def moving(state: ServoState) -> None:
+            memory["moving"] = int(abs(state.velocity_rad_s) > MOVING_VELOCITY_RAD_S)
+
+        sensors: dict[str, Callable[[ServoState], None]] = {
+            "present_position": lambda state: position(state.position_rad),
+            "present_speed": lambda state: speed(state.velocity_rad_s),
+            "present_voltage": lambda state: voltage(state.voltage_v),
+            "present_temperature": lambda state: heat(state.temperature_c),
+            "moving": moving,
+        }
+        if self._turn_counts:
+            sensors["present_position"] = lambda state: self._show_position(state.position_rad)
         if memory.has("current"):
-            memory.show("current", state.current_a)
+            current = memory.gauge("current")
+            sensors["current"] = lambda state: current(state.current_a)
+        return MappingProxyType(sensors)
 
     def _home(self, state: ServoState) -> None:
         if self._turn_counts:
@@ -181,10 +202,8 @@ class JointWheel:
         return round(angle_rad / register.si_scale) + register.zero
 
     def _show_position(self, position_rad: float) -> None:
+        """The position of a servo with an absolute encoder, which knows turns."""
         memory = self._memory
-        if not self._turn_counts:
-            memory.show("present_position", position_rad)
-            return
         count = self._shaft_count(position_rad)
         if self._multi_turn():
             count = round(count / memory["resolution_divider"])

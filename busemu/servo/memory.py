@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from ..tables import ControlTable, Register
 from .status import Refusal
+
+#: Puts a measured value [SI] into one register.
+Gauge = Callable[[float], None]
 
 
 class Memory:
@@ -21,6 +24,7 @@ class Memory:
         firmware = table.firmware_version if firmware_version is None else firmware_version
         self._there = {r.name for r in table.registers if r.since_firmware <= firmware}
         self._bytes = bytearray(table.size)
+        self._gauges: dict[str, Gauge] = {}
         self._at: list[Register | None] = [None] * table.size
         for register in table.registers:
             if register.name in self._there:
@@ -73,8 +77,33 @@ class Memory:
 
     def show(self, name: str, value: float) -> None:
         """Set a register to a measured value [SI]; a sensor beyond its range reads its end."""
+        gauge = self._gauges.get(name)
+        if gauge is None:
+            gauge = self._gauges[name] = self.gauge(name)
+        gauge(value)
+
+    def gauge(self, name: str) -> Gauge:
+        """What :meth:`show` does to one register, for who does it often."""
         register = self.table[name]
-        self.clip(name, round(value / register.si_scale) + register.zero)
+        scale, zero, encode = register.si_scale, register.zero, register.encode
+        low, high, size = register.minimum, register.maximum, register.size
+        held, start, end = self._bytes, register.address, register.address + register.size
+        plain = register.encoding == "unsigned"
+        mask = register.raw_maximum if register.encoding == "signed" else 0
+
+        def show(value: float) -> None:
+            count = round(value / scale) + zero
+            if count < low:
+                count = low
+            elif count > high:
+                count = high
+            if mask:
+                count &= mask
+            elif not plain:
+                count = encode(count)
+            held[start:end] = count.to_bytes(size, "little")
+
+        return show
 
     def si(self, name: str) -> float:
         """A register's value in SI."""

@@ -10,7 +10,8 @@ feedforward. A current becomes the duty that brings it at standstill (assumed).
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Callable, Mapping, Set
+from types import MappingProxyType
 
 from ..plant import DriveCommand, OperatingMode, ServoState
 from ..tables import Register
@@ -52,6 +53,12 @@ RESET_BY_MODE = (
 )
 
 
+#: Registers that need the time or the trajectory, besides the state of the drive.
+PLANNED = frozenset(
+    {"realtime_tick", "position_trajectory", "velocity_trajectory", "moving", "moving_status"}
+)
+
+
 class OperatingModes:
     """Registers of a servo that has an ``operating_mode``."""
 
@@ -69,6 +76,8 @@ class OperatingModes:
         self._turn = 0
         self._power_s = 0.0
         self._profile = Profile(0.0, 0.0, 0.0)
+        self.quick = self._sensors()
+        self.shown = frozenset({*self.quick, *PLANNED})
 
     # -- what the settings mean ---------------------------------------------------------------
 
@@ -224,17 +233,10 @@ class OperatingModes:
 
     def show(self, state: ServoState, now_s: float) -> None:
         """Put the drive's state into the registers that a read may bring."""
-        memory, sign, mode = self._memory, self._direction, self._mode
+        memory, mode = self._memory, self._mode
+        for show in self.quick.values():
+            show(state)
         present = self._shaft_count(state.position_rad) + self._offset()
-        memory.clip("present_position", present)
-        memory.show("present_velocity", sign * state.velocity_rad_s)
-        memory.show("present_pwm", sign * state.duty)
-        if memory.has("present_current"):
-            memory.show("present_current", sign * state.current_a)
-        if memory.has("present_load"):
-            memory.show("present_load", sign * state.duty)
-        memory.show("present_input_voltage", state.voltage_v)
-        memory.show("present_temperature", state.temperature_c)
         memory["realtime_tick"] = int((now_s - self._power_s) * 1e3) % TICK_MODULO
         ongoing = False
         planned, velocity = float(present), 0.0
@@ -249,6 +251,30 @@ class OperatingModes:
         fast = abs(memory.count("present_velocity")) > memory["moving_threshold"]
         memory["moving"] = int(fast or ongoing)
         memory["moving_status"] = self._moving_status(present, planned, ongoing)
+
+    def _sensors(self) -> Mapping[str, Callable[[ServoState], None]]:
+        """How each register that needs the state only is filled from it."""
+        memory = self._memory
+        velocity, pwm = memory.gauge("present_velocity"), memory.gauge("present_pwm")
+        voltage, heat = memory.gauge("present_input_voltage"), memory.gauge("present_temperature")
+
+        def position(state: ServoState) -> None:
+            memory.clip("present_position", self._shaft_count(state.position_rad) + self._offset())
+
+        sensors: dict[str, Callable[[ServoState], None]] = {
+            "present_position": position,
+            "present_velocity": lambda state: velocity(self._direction * state.velocity_rad_s),
+            "present_pwm": lambda state: pwm(self._direction * state.duty),
+            "present_input_voltage": lambda state: voltage(state.voltage_v),
+            "present_temperature": lambda state: heat(state.temperature_c),
+        }
+        if memory.has("present_current"):
+            current = memory.gauge("present_current")
+            sensors["present_current"] = lambda state: current(self._direction * state.current_a)
+        if memory.has("present_load"):
+            load = memory.gauge("present_load")
+            sensors["present_load"] = lambda state: load(self._direction * state.duty)
+        return MappingProxyType(sensors)
 
     def _moving_status(self, present: int, planned: float, ongoing: bool) -> int:
         if self._mode not in POSITION_MODES:

@@ -9,7 +9,7 @@ the table: ``drive.law`` is ``compliance`` or ``pid`` for the models with joint 
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Callable, Mapping, Set
 from typing import Protocol
 
 from ..plant import DriveCommand, ServoState
@@ -18,6 +18,9 @@ from .joint_wheel import JointWheel
 from .memory import Memory
 from .operating_modes import OperatingModes
 from .status import Refusal
+
+#: Fills one register from the state of the drive.
+Sensor = Callable[[ServoState], None]
 
 
 class Behaviour(Protocol):
@@ -35,6 +38,14 @@ class Behaviour(Protocol):
 
     def show(self, state: ServoState, now_s: float) -> None:
         """Put the drive's state into the registers that a read may bring."""
+
+    @property
+    def quick(self) -> Mapping[str, Sensor]:
+        """The registers of :attr:`shown` that can be shown alone, as they need the state only."""
+
+    @property
+    def shown(self) -> frozenset[str]:
+        """All registers that :meth:`show` fills."""
 
     def refuse(self, register: Register, raw: int) -> Refusal | None:
         """Whether ``register`` may not become ``raw``, which its table allows."""
