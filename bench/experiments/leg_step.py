@@ -150,14 +150,16 @@ class LegStep:
 
     def findings(self) -> tuple[str, ...]:
         """What a reader should know."""
-        return tuple(
-            f"{part}: rises in {_mean(s.answer.rise_s for s in every) * 1e3:.0f} ms, overshoots by "
-            f"{_mean(s.answer.overshoot for s in every):.1%}, settles in "
-            f"{_mean(s.answer.settling_s for s in every) * 1e3:.0f} ms, "
-            f"{_mean(abs(s.answer.steady_error_rad) for s in every) / self.count_rad:.1f} counts off"
-            for part in PARTS
-            for every in [self.of(part, outward=True) + self.of(part, outward=False)]
-        )
+        found = []
+        for part in PARTS:
+            every = [s.answer for way in (True, False) for s in self.of(part, outward=way)]
+            off = _mean(abs(a.steady_error_rad) for a in every) / self.count_rad
+            found.append(
+                f"{part}: rises in {_mean(a.rise_s for a in every) * 1e3:.0f} ms, overshoots by "
+                f"{_mean(a.overshoot for a in every):.1%}, settles in "
+                f"{_mean(a.settling_s for a in every) * 1e3:.0f} ms, {off:.1f} counts off"
+            )
+        return tuple(found)
 
 
 class LegStepExperiment:

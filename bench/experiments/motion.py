@@ -5,6 +5,7 @@ The torque goes on where the joints are and off at the end, whatever happens.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -117,7 +118,7 @@ class Motion:
             for joint, servo_id, angle in zip(
                 self.control.joints, self.control.ids, positions.tolist(), strict=True
             )
-            if angle != angle  # NaN
+            if math.isnan(angle)
         ]
         if silent:
             raise JointSilentError(

@@ -1,4 +1,4 @@
-"""Locomotion: a column a leg; foot path, the three joints and their torques over the gait's phase."""
+"""Locomotion: a column a leg; foot path, joint angles and torques over the gait's phase."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def _expected(result: ServoCheck) -> tuple[NDArray[np.float64], NDArray[np.float
     """Errors [rad] and the duty that the position law makes of them."""
     widest = float(np.nanmax(np.abs(result.error_rad)))
     steps = int(np.ceil(widest / result.sensor.count_rad))
-    error = np.arange(-steps, steps + 1) * result.sensor.count_rad
+    error = np.arange(-steps, steps + 1, dtype=np.float64) * result.sensor.count_rad
     return error, result.sensor.duty(error)
 
 

@@ -1,4 +1,4 @@
-"""Torque analysis: four panels over time, the tibia's motion and the torques of the three joints."""
+"""Torque analysis: four panels over time, the tibia's motion and the torques of three joints."""
 
 from __future__ import annotations
 

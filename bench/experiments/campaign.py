@@ -1,0 +1,151 @@
+"""Running an experiment's trials, keeping each as it finishes, and going on where one broke off.
+
+A folder holds ``recordings/NAME.parquet``, one a trial, ``figure.png`` and ``result.json``. A trial
+whose recording is there is not run again; a folder of another robot, seed or condition is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from busemu.tables import Robot
+from busemu.timing import load_profile
+
+from ..recording import Recording, read, write
+from ..recording.metadata import plain
+from ..running import Session, in_process, on_port
+from .experiment import Experiment, ExperimentError, Progress, Trial
+
+RECORDINGS = "recordings"
+
+#: Told what is to be prepared before a trial; returns whether it is done.
+Confirm = Callable[[str], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """An experiment on one robot, with the folder its recordings go to.
+
+    Without ``port``, each trial has an emulated robot of its own, in process and in virtual time.
+    """
+
+    experiment: Experiment[Any]
+    robot: Robot
+    trials: tuple[Trial, ...]
+    folder: Path
+    port: str | None = None
+
+    def path(self, trial: Trial) -> Path:
+        """Where a trial's recording goes."""
+        return self.folder / RECORDINGS / f"{trial.name}.parquet"
+
+    def finished(self) -> dict[str, Recording]:
+        """Recordings that are there already, by the name of their trial.
+
+        Raises :class:`ExperimentError` for one that is not of this campaign, ``RecordingError``.
+        """
+        found = {}
+        for trial in self.trials:
+            path = self.path(trial)
+            if path.exists():
+                found[trial.name] = self._own(trial, read(path))
+        return found
+
+    def run(
+        self, progress: Callable[[Trial], Progress], confirm: Confirm | None = None
+    ) -> list[Recording]:
+        """Run the trials that are not there yet; all recordings, in the order of the trials.
+
+        ``progress`` is called for each trial that runs. ``confirm``, with a port, is asked before
+        the first trial and whenever what is to be prepared changes.
+
+        Raises :class:`ExperimentError`, :class:`hal.bus_errors.BusError`, ``RecordingError`` and
+        ``KeyboardInterrupt``; trials finished until then are kept.
+        """
+        found = self.finished()
+        prepared = ""
+        for trial in self.trials:
+            if trial.name in found:
+                continue
+            words = self.experiment.preparation(self.robot, trial)
+            if self.port is not None and confirm is not None and words != prepared:
+                if not confirm(words):
+                    raise ExperimentError("stopped before anything moved; nothing is switched on")
+                prepared = words
+            found[trial.name] = self._run(trial, progress(trial))
+        return [found[trial.name] for trial in self.trials]
+
+    def _run(self, trial: Trial, progress: Progress) -> Recording:
+        path = self.path(trial)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with self._session(trial) as session:
+            added = self.experiment.run(session, trial, progress)
+            condition = {**trial.metadata(self.robot), **added}
+            recording = session.recording(trial.name, self.experiment.name, **condition)
+        write(recording, path)
+        return read(path)  # what is evaluated is what was written
+
+    @contextmanager
+    def _session(self, trial: Trial) -> Iterator[Session]:
+        if self.port is not None:
+            with on_port(self.robot, self.port) as session:
+                yield session
+            return
+        from sim.world import BulletPlant  # noqa: PLC0415 - a real robot needs no engine
+
+        plant = BulletPlant(self.robot, held=trial.held, trunk_load_kg=trial.trunk_load_kg)
+        try:
+            yield in_process(self.robot, plant, load_profile(self.robot.timing))
+        finally:
+            plant.close()
+
+    def _own(self, trial: Trial, recording: Recording) -> Recording:
+        """``recording`` if it is this trial's."""
+        facts = recording.metadata
+        condition = facts.get("condition", {})
+        wanted: Mapping[str, Any] = plain(trial.metadata(self.robot))
+        different = [key for key, value in wanted.items() if condition.get(key) != value]
+        if recording.robot is None or recording.robot.name != self.robot.name:
+            different.append("robot")
+        if facts.get("group") != self.experiment.name:
+            different.append("group")
+        if (facts.get("source") == "real") and self.port is None:
+            different.append("source")
+        if different:
+            raise ExperimentError(
+                f"{recording.path} is of another run ({', '.join(different)} differ): choose "
+                "another --out, or take the recordings away"
+            )
+        return recording
+
+
+def recordings_in(folder: Path, experiment: str) -> list[Recording]:
+    """All recordings of an experiment in a folder, or in its folder ``recordings``, by name.
+
+    Which are its own says the metadata's ``group``. Raises :class:`ExperimentError` where there is
+    none, ``RecordingError`` for one that is refused.
+    """
+    places = [folder, folder / RECORDINGS]
+    paths = [
+        path
+        for place in places
+        for kind in ("parquet", "csv")
+        for path in sorted(place.glob(f"*.{kind}"))
+    ]
+    if not paths:
+        raise ExperimentError(
+            f"{folder}: no recording there: give a folder with NAME.parquet, or NAME.csv and .toml"
+        )
+    every = [read(path) for path in paths]
+    wanted = [recording for recording in every if recording.metadata.get("group") == experiment]
+    if not wanted:
+        groups = sorted({str(recording.metadata.get("group")) for recording in every})
+        raise ExperimentError(
+            f"{folder}: none of the {len(every)} recordings is of group {experiment!r} "
+            f"(there are {', '.join(groups)}): set group in the metadata of yours"
+        )
+    return wanted

@@ -1,0 +1,105 @@
+"""What an evaluated experiment leaves behind: result.json, figure.png, and a few lines of text."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..figures.style import save
+from ..figures.tables import aligned
+from ..recording import Recording
+from .experiment import Experiment, Result
+
+FORMAT = "busemu-experiment/1"
+
+
+def document(
+    experiment: Experiment[Any], result: Result, recordings: Sequence[Recording]
+) -> dict[str, Any]:
+    """The content of ``result.json``; numbers that are not known are ``null``."""
+    found: dict[str, Any] = _known(
+        {
+            "format": FORMAT,
+            "experiment": experiment.name,
+            "thesis_figures": experiment.figures,
+            "robot": result.robot,
+            "recordings": [
+                {"name": recording.name, "source": recording.metadata.get("source")}
+                for recording in recordings
+            ],
+            "numbers": result.numbers(),
+            "beside_the_thesis": [
+                {
+                    "what": row.what,
+                    "ours": row.ours,
+                    "thesis": row.thesis,
+                    "comparable": row.comparable,
+                    "why_not": row.why_not,
+                }
+                for row in result.comparisons()
+            ],
+            "findings": list(result.findings()),
+        }
+    )
+    return found
+
+
+def write_report(
+    experiment: Experiment[Any], result: Result, recordings: Sequence[Recording], folder: Path
+) -> tuple[Path, Path]:
+    """Write ``result.json`` and ``figure.png`` into a folder, each whole or not at all.
+
+    Raises ``OSError``.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    numbers, picture = folder / "result.json", folder / "figure.png"
+    text = json.dumps(document(experiment, result, recordings), indent=2, ensure_ascii=False)
+    part = folder / f".result.{os.getpid()}.json"
+    drawn = folder / f".figure.{os.getpid()}.png"
+    try:
+        part.write_text(text + "\n", "utf-8")
+        save(experiment.draw(result), drawn)
+        part.replace(numbers)
+        drawn.replace(picture)
+    finally:
+        part.unlink(missing_ok=True)
+        drawn.unlink(missing_ok=True)
+    return numbers, picture
+
+
+def summary(result: Result) -> str:
+    """Findings, and the table of numbers beside the thesis's with its reservations below."""
+    lines = [f"- {finding}" for finding in result.findings()]
+    rows = result.comparisons()
+    if not rows:
+        return "\n".join(lines)
+    reasons = list(dict.fromkeys(row.why_not for row in rows if row.why_not))
+    table = aligned(
+        ("beside the thesis", "here", "thesis", "comparable"),
+        [
+            (
+                row.what,
+                row.ours,
+                row.thesis,
+                "yes" if row.comparable else f"no [{reasons.index(row.why_not) + 1}]",
+            )
+            for row in rows
+        ],
+    )
+    notes = [f"[{number}] {reason}" for number, reason in enumerate(reasons, start=1)]
+    return "\n".join([*lines, "", table, *notes])
+
+
+def _known(value: Any) -> Any:
+    """JSON has no NaN: ``None`` stands for what is not known."""
+    if isinstance(value, dict):
+        return {key: _known(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_known(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
