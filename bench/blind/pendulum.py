@@ -33,7 +33,8 @@ _UNSTABLE = [
 ]
 SETTLE_S = 0.6  #: the first goal is held for so long before a recording starts
 GRAVITY_M_S2 = 9.81
-FINE_SUBSTEPS = 4  #: where the gear is no rigid body
+FINE_SUBSTEPS = 4  #: at least, where the gear is no rigid body
+STIFF_RAD = 0.4  #: phase of the fastest spring in one substep
 #: between a gear's spring and its play there must be a body: a small output gear; assumed
 GEAR_INERTIA_KG_M2 = 1e-5
 EDGE_RAD = 0.03  #: over which a sector of worn teeth begins
@@ -229,8 +230,7 @@ def _document_of(
 ) -> str:
     play, stiffness, gear_damping = gear
     substeps, integrator, solver = numerics
-    soft = play > 0.0 or stiffness > 0.0
-    step_s = TICK_S / (max(substeps, FINE_SUBSTEPS) if soft else substeps)
+    step_s = TICK_S / max(substeps, _fine(play, stiffness, armature))
     side, across = GRAVITY_M_S2 * math.sin(tilt[1]), GRAVITY_M_S2 * math.sin(tilt[0])
     along = GRAVITY_M_S2 * math.cos(tilt[0]) * math.cos(tilt[1])
     gravity = (side, -along, -across) if tilt[2] else (side, -across, -along)
@@ -265,6 +265,14 @@ def _document_of(
         f'gravity="{gravity[0]!r} {gravity[1]!r} {gravity[2]!r}"><flag contact="disable"/></option>'
         f"<worldbody>{opened}{_arm(arm, payload, hung)}{closed}</worldbody></mujoco>"
     )
+
+
+def _fine(play_rad: float, stiffness_nm_rad: float, armature_kg_m2: float) -> int:
+    """Substeps that a gear needs: its spring must not turn by more than STIFF_RAD in one."""
+    if play_rad == 0.0 and stiffness_nm_rad == 0.0:
+        return 1
+    light = min(armature_kg_m2, GEAR_INERTIA_KG_M2 if play_rad > 0.0 else armature_kg_m2)
+    return max(FINE_SUBSTEPS, math.ceil(math.sqrt(stiffness_nm_rad / light) * TICK_S / STIFF_RAD))
 
 
 def _arm(arm: Body, payload: tuple[float, float], hung: tuple[float, ...]) -> str:
