@@ -83,6 +83,13 @@ class Section:
             raise self.fail(f"needs {key} in {unit}")
         return self._bounded(key, self.table[key], unit, low, high)
 
+    def plains(self, key: str, unit: str, count: int, low: float, high: float) -> tuple[float, ...]:
+        """A list of exactly ``count`` numbers without provenance, each within the bounds."""
+        values = self.table.get(key)
+        if not isinstance(values, list) or len(values) != count:
+            raise self.fail(f"{key}: needs a list of {count} numbers in {unit}, got {values!r}")
+        return tuple(self._bounded(key, value, unit, low, high) for value in values)
+
     def word(self, key: str, allowed: tuple[str, ...] = ()) -> str:
         """A text entry, one of ``allowed`` when that is given."""
         word = self.table.get(key)

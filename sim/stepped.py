@@ -22,6 +22,7 @@ from .drive import kernel
 from .drive.bank import DriveBank, command_column
 from .drive.kernel import Array
 from .tree import PhysicalRobot
+from .watch import WATCH_S, Contacts, Event, Watch
 
 TICK_S = (
     0.001  #: period of the servo's control interrupt; source: measured on AX-12+ (ROBOTIS forum)
@@ -41,8 +42,25 @@ class Engine(Protocol):
     def observe(self) -> dict[str, float]:
         """What stands beside the robot: ``mocap/...`` and ``contact/...``."""
 
+    def contacts(self) -> Contacts:
+        """What touches what."""
+
+    def lean_rad(self) -> float:
+        """Angle between the trunk's z axis and the ground's normal [rad]; 0 on a fixed base."""
+
     def close(self) -> None:
         """Let go of the engine; may be called twice."""
+
+
+class _End:
+    """All that is sampled, at one end of a step, in the servos' frame: angle, velocity, heat."""
+
+    __slots__ = ("all", "heat_k", "motion", "position_rad", "velocity_rad_s")
+
+    def __init__(self, joints: int) -> None:
+        self.all = np.zeros((3, joints))
+        self.motion = self.all[:2]
+        self.position_rad, self.velocity_rad_s, self.heat_k = self.all
 
 
 def grid_index(to_s: float, spacing_s: float, *, up: bool) -> int:
@@ -71,19 +89,17 @@ class SteppedPlant:
         self._steps_per_tick = steps_per_tick
         self._direction = np.array([float(joint.direction) for joint in robot.joints])
         self._zero_rad = np.array([joint.zero_rad for joint in robot.joints])
-        self._ambient_c = np.array([joint.drive.ambient_c for joint in robot.joints])
+        self._ambient_c = [joint.drive.ambient_c for joint in robot.joints]
         count = len(self._names)
-        self._joint_rad = np.zeros(count)
-        self._joint_rad_s = np.zeros(count)
+        self._joints = np.zeros((2, count))  # angle and velocity
+        self._joint_rad, self._joint_rad_s = self._joints
+        self._zeros = np.array([self._zero_rad, np.zeros(count)])
         self._torque_nm = np.zeros(count)
-        # ends of the step that contains the present instant, servo frame
-        self._position_rad = (np.zeros(count), np.zeros(count))
-        self._velocity_rad_s = (np.zeros(count), np.zeros(count))
-        self._heat_k = (np.zeros(count), np.zeros(count))
+        self._before, self._after = _End(count), _End(count)  # of the step with the present instant
         self._read()
         self.bank = DriveBank(
             [joint.drive for joint in robot.joints],
-            self._position_rad[1],
+            self._after.position_rad,
             supply_voltage_v=robot.supply.voltage_v,
             supply_resistance_ohm=robot.supply.resistance_ohm,
             step_s=self._step_s,
@@ -92,9 +108,12 @@ class SteppedPlant:
         )
         self._waiting: deque[tuple[int, int, Array]] = deque()
         self._steps = 0
+        self._reached_s = 0.0  # the end of the last step
         self._now_s = 0.0
-        self._part = 1.0  # where the present instant lies between the two ends
-        self._next_tick = 1
+        self._watch = Watch(frozenset(f"{leg.name}.tibia" for leg in robot.legs))
+        self._watch_steps = round(WATCH_S / self._step_s)
+        self._until_watch = self._watch_steps
+        self._until_tick = 0
 
     @property
     def step_s(self) -> float:
@@ -112,16 +131,17 @@ class SteppedPlant:
             raise ValueError(f"a plant cannot go back from {self._now_s} s to {to_s} s")
         if to_s == self._now_s:
             return
-        wanted = grid_index(to_s, self._step_s, up=True)
-        while self._steps < wanted:
-            self._step()
+        if to_s > self._reached_s:
+            wanted = grid_index(to_s, self._step_s, up=True)
+            while self._steps < wanted:
+                self._step()
+            self._reached_s = self._steps * self._step_s
         self._now_s = to_s
-        self._part = min(1.0, max(0.0, to_s / self._step_s - (self._steps - 1)))
-        self._next_tick = grid_index(to_s, TICK_S, up=False) + 1
 
     def command(self, servo_id: int, command: DriveCommand) -> None:
         """Set what a drive shall do from the next tick on."""
-        self._waiting.append((self._next_tick, self._index[servo_id], command_column(command)))
+        tick = grid_index(self._now_s, TICK_S, up=False) + 1
+        self._waiting.append((tick, self._index[servo_id], command_column(command)))
 
     def sample(self, servo_id: int) -> ServoState:
         """The state of one servo at exactly the instant last advanced to.
@@ -130,23 +150,35 @@ class SteppedPlant:
         are means over it, duty and voltage hold during it.
         """
         i = self._index[servo_id]
-        states = self.bank.states
+        before, after = self._before.all[:, i].tolist(), self._after.all[:, i].tolist()
+        part = 1.0
+        if self._steps:
+            part = min(1.0, max(0.0, self._now_s / self._step_s - (self._steps - 1)))
+        position, velocity, heat = (a + part * (b - a) for a, b in zip(before, after, strict=True))
+        column = self.bank.states[:, i].tolist()
         return ServoState(
-            position_rad=self._between(self._position_rad, i),
-            velocity_rad_s=self._between(self._velocity_rad_s, i),
-            duty=float(states[kernel.DUTY, i]),
-            torque_nm=float(states[kernel.TORQUE, i]),
-            current_a=float(states[kernel.CURRENT, i]),
-            voltage_v=float(states[kernel.VOLTAGE, i]),
-            temperature_c=float(self._ambient_c[i]) + self._between(self._heat_k, i),
+            position_rad=position,
+            velocity_rad_s=velocity,
+            duty=column[kernel.DUTY],
+            torque_nm=column[kernel.TORQUE],
+            current_a=column[kernel.CURRENT],
+            voltage_v=column[kernel.VOLTAGE],
+            temperature_c=self._ambient_c[i] + heat,
         )
+
+    @property
+    def events(self) -> Sequence[Event]:
+        """Falls, self-contacts and links on the ground since the start, in order of time."""
+        return self._watch.events
 
     def observe(self) -> Mapping[str, float]:
         """What an outside observer sees at the end of the step that contains the instant.
 
         ``mocap/base_{x,y,z}_m`` and ``mocap/base_{roll,pitch,yaw}_rad`` of the trunk frame,
         ``contact/<leg>_n`` from the ground on a leg's tibia and foot, ``contact/trunk_n`` on all
-        the rest of the robot, ``contact/self_n`` between its own links (normal forces summed);
+        the rest of the robot, ``contact/self_n`` between its own links (normal forces summed),
+        with ``contact/self/<joint>/<joint>_n`` for each pair that touches (named by the joints
+        that move them);
         ``rig/<joint>_rad`` and ``rig/<joint>_nm`` in the joint's frame.
         """
         seen = self._engine.observe()
@@ -162,30 +194,38 @@ class SteppedPlant:
         self._engine.close()
 
     def _step(self) -> None:
-        self._position_rad = self._position_rad[::-1]
-        self._velocity_rad_s = self._velocity_rad_s[::-1]
-        self._heat_k = self._heat_k[::-1]
-        position, velocity = self._position_rad[0], self._velocity_rad_s[0]
-        tick, off = divmod(self._steps, self._steps_per_tick)
-        if off == 0:
-            while self._waiting and self._waiting[0][0] <= tick:
-                _, i, column = self._waiting.popleft()
-                self.bank.command(i, column)
-            self.bank.tick(position, velocity)
-        self.bank.step(position, velocity)
-        np.multiply(self.bank.torque_nm, self._direction, out=self._torque_nm)
+        bank, end = self.bank, self._after
+        self._before, self._after = end, self._before
+        if self._until_tick == 0:
+            self._until_tick = self._steps_per_tick
+            if self._waiting:
+                self._hand_over(self._steps // self._steps_per_tick)
+            bank.tick(end.position_rad, end.velocity_rad_s)
+        self._until_tick -= 1
+        bank.step(end.position_rad, end.velocity_rad_s)
+        np.multiply(bank.torque_nm, self._direction, self._torque_nm)
         self._engine.step(self._torque_nm)
         self._steps += 1
         self._read()
-        self._heat_k[1][:] = self.bank.heat_k
+        self._after.heat_k[:] = bank.heat_k
+        self._until_watch -= 1
+        if self._until_watch == 0:
+            self._until_watch = self._watch_steps
+            self._look()
+
+    def _hand_over(self, tick: int) -> None:
+        """Give the drives the commands that act from this tick on."""
+        while self._waiting and self._waiting[0][0] <= tick:
+            _, i, column = self._waiting.popleft()
+            self.bank.command(i, column)
+
+    def _look(self) -> None:
+        powered = bool(self.bank.commands[kernel.ENABLED].any())
+        now_s = self._steps * self._step_s
+        self._watch.look(now_s, self._engine.contacts(), self._engine.lean_rad(), powered)
 
     def _read(self) -> None:
         self._engine.read(self._joint_rad, self._joint_rad_s)
-        position, velocity = self._position_rad[1], self._velocity_rad_s[1]
-        np.subtract(self._joint_rad, self._zero_rad, out=position)
-        np.multiply(position, self._direction, out=position)
-        np.multiply(self._joint_rad_s, self._direction, out=velocity)
-
-    def _between(self, ends: tuple[Array, Array], i: int) -> float:
-        before, after = float(ends[0][i]), float(ends[1][i])
-        return before + self._part * (after - before)
+        motion = self._after.motion
+        np.subtract(self._joints, self._zeros, motion)
+        np.multiply(motion, self._direction, motion)

@@ -24,15 +24,18 @@ from .drive.kernel import Array
 from .drive.parameters import pack
 from .model import read_model
 from .quiet import quiet_stderr
+from .scene import Push, Scene, Slab, read_scene
 from .stability import LARGEST, stiffness_number, too_stiff
 from .stepped import TICK_S, SteppedPlant
 from .tree import Ground, PhysicalRobot
 from .urdf import urdf
+from .watch import Contacts
 
 with quiet_stderr():  # it announces its build time
     import pybullet
 
 Pixels = NDArray[np.uint8]
+Frame = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 STEPS_PER_TICK = (1, 2, 4, 8)  #: hexapods take the first, rigs the first that is stable
 SUBSTEPS = 10  #: of the rotors within a step
@@ -40,6 +43,7 @@ LEVEL = (0.0, 0.0, 0.0, 1.0)
 LIGHT = (0.6, -0.5, 1.6)  #: where the light of pictures comes from
 FLOOR_M = 0.6  #: half the side of the ground that pictures show
 FLOOR_DEPTH_M = 0.005
+START_M = 0.4  #: slabs that come so close to the origin lift the robot that starts there; assumed
 HELD_HEIGHT_M = 0.5  #: of a trunk held in the air, so that no leg can reach the ground
 
 
@@ -60,13 +64,27 @@ class World:
     ``held`` fixes the trunk in the air, as on a stand. Lengths in m, angles in rad, world z up.
     """
 
-    def __init__(self, robot: PhysicalRobot, *, step_s: float, held: bool = False) -> None:
+    def __init__(
+        self,
+        robot: PhysicalRobot,
+        *,
+        step_s: float,
+        held: bool = False,
+        slabs: Sequence[Slab] = (),
+        pushes: Sequence[Push] = (),
+    ) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
         if self._client < 0:
             raise RuntimeError("PyBullet gives no more worlds: close some plants first")
         self._on = {"physicsClientId": self._client}
         try:
             self._build(robot, step_s, held)
+            for slab in slabs:
+                self._lay_slab(slab)
+            self._pushes = [(push, self._link[push.body]) for push in pushes]
+            self._steps = 0
+            lift = max((s.height_m for s in slabs if s.near(START_M) and not held), default=0.0)
+            self._start(robot, held, lift)
         except BaseException:
             self.close()
             raise
@@ -92,12 +110,14 @@ class World:
                 | pybullet.URDF_USE_MATERIAL_COLORS_FROM_MTL,
                 **self._on,
             )
-        number = {}
-        for i in range(pybullet.getNumJoints(self._body, **self._on)):
-            number[pybullet.getJointInfo(self._body, i, **self._on)[1].decode()] = i
-        self._joints = [number[joint.name] for joint in robot.joints]
-        self._feet = {number[f"{leg.name}.tibia"]: leg.name for leg in robot.legs}
-        self._rub(robot, number)
+        joints = range(pybullet.getNumJoints(self._body, **self._on))
+        names = [pybullet.getJointInfo(self._body, i, **self._on)[1].decode() for i in joints]
+        root = "base" if robot.trunk is None else "trunk"
+        self._link = {root: -1, **{name: i for i, name in enumerate(names)}}
+        self._name = {link: name for name, link in self._link.items()}
+        self._joints = [self._link[joint.name] for joint in robot.joints]
+        self._feet = {f"{leg.name}.tibia": leg.name for leg in robot.legs}
+        self._rub(robot)
         pybullet.setJointMotorControlArray(
             self._body,
             self._joints,
@@ -111,15 +131,17 @@ class World:
         self._from_frame = (local[3], local[4])
         self._free = robot.trunk is not None
         self._order = {joint.name: i for i, joint in enumerate(robot.joints)}
+
+    def _start(self, robot: PhysicalRobot, held: bool, lift_m: float) -> None:
         rest = robot.posture(robot.rest_rad)
         lying = robot.trunk is not None and not held
         height = robot.height_m(robot.rest_rad) if lying else HELD_HEIGHT_M
-        self.place((0.0, 0.0, height), LEVEL, rest)
+        self.place((0.0, 0.0, height + lift_m), LEVEL, rest)
 
-    def _rub(self, robot: PhysicalRobot, number: Mapping[str, int]) -> None:
-        """Give every link its friction, and the feet and the ground their springs."""
-        feet = {number[f"{leg.name}.tibia"]: leg.foot for leg in robot.legs}
-        for link in (-1, *number.values()):
+    def _rub(self, robot: PhysicalRobot) -> None:
+        """Give every link its friction, and the feet their springs."""
+        feet = {self._link[f"{leg.name}.tibia"]: leg.foot for leg in robot.legs}
+        for link in self._link.values():
             friction = feet[link].friction if link in feet else robot.contact.friction
             pybullet.changeDynamics(
                 self._body,
@@ -133,9 +155,6 @@ class World:
             )
         for link, foot in feet.items():
             self._soften(self._body, link, foot.stiffness_n_m, foot.damping_n_s_m)
-        if robot.trunk is not None:
-            ground = robot.ground
-            self._soften(self._ground, -1, ground.stiffness_n_m, ground.damping_n_s_m)
 
     def _soften(self, body: int, link: int, stiffness_n_m: float, damping_n_s_m: float) -> None:
         """Give a link's contacts a spring and a damper; a rigid one is left as it is."""
@@ -163,9 +182,25 @@ class World:
             **self._on,
         )
         self._ground = pybullet.createMultiBody(0.0, plane, floor, **self._on)
-        pybullet.changeDynamics(
-            self._ground, -1, lateralFriction=ground.friction, restitution=1.0, **self._on
+        self._surface(self._ground, ground)
+
+    def _lay_slab(self, slab: Slab) -> None:
+        half = [0.5 * slab.size_m[0], 0.5 * slab.size_m[1], 0.5 * slab.height_m]
+        box = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, **self._on)
+        body = pybullet.createMultiBody(
+            0.0,
+            box,
+            basePosition=[*slab.at_m, half[2]],
+            baseOrientation=pybullet.getQuaternionFromEuler([0.0, 0.0, slab.yaw_rad]),
+            **self._on,
         )
+        self._surface(body, slab.surface)
+
+    def _surface(self, body: int, ground: Ground) -> None:
+        pybullet.changeDynamics(
+            body, -1, lateralFriction=ground.friction, restitution=1.0, **self._on
+        )
+        self._soften(body, -1, ground.stiffness_n_m, ground.damping_n_s_m)
 
     def place(
         self,
@@ -184,21 +219,41 @@ class World:
     def read(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Write the joints' angles [rad] and velocities [rad/s] into the two arrays."""
         states = pybullet.getJointStates(self._body, self._joints, **self._on)
-        position_rad[:] = [state[0] for state in states]
-        velocity_rad_s[:] = [state[1] for state in states]
+        columns = zip(*states, strict=True)
+        position_rad[:] = next(columns)
+        velocity_rad_s[:] = next(columns)
 
     def step(self, torque_nm: Array) -> None:
         """Apply joint torques [N m] over one step."""
         pybullet.setJointMotorControlArray(
-            self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torque_nm, **self._on
+            self._body, self._joints, pybullet.TORQUE_CONTROL, forces=torque_nm.tolist(), **self._on
         )
+        if self._pushes:
+            self._push()
+        self._steps += 1
         self.step_bare()
+
+    def _push(self) -> None:
+        """Apply what pushes during the step to come."""
+        now_s = (self._steps + 0.5) * self.step_s
+        for push, link in self._pushes:
+            if push.at_s <= now_s < push.at_s + push.for_s:
+                frame = self.base() if link < 0 else self._frame(link)
+                place = pybullet.multiplyTransforms(*frame, push.at_m, LEVEL)[0]
+                pybullet.applyExternalForce(
+                    self._body, link, push.force_n, place, pybullet.WORLD_FRAME, **self._on
+                )
+
+    def _frame(self, link: int) -> Frame:
+        """Position [m] and orientation (x, y, z, w) of a link's own frame in the world."""
+        state = pybullet.getLinkState(self._body, link, computeForwardKinematics=True, **self._on)
+        return state[4], state[5]
 
     def step_bare(self) -> None:
         """One step of the engine and nothing else: the floor of what a step can cost."""
         pybullet.stepSimulation(**self._on)
 
-    def base(self) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    def base(self) -> Frame:
         """Position [m] and orientation (x, y, z, w) of the trunk frame in the world."""
         centre = pybullet.getBasePositionAndOrientation(self._body, **self._on)
         position, orientation = pybullet.multiplyTransforms(*centre, *self._to_frame)
@@ -207,35 +262,50 @@ class World:
     def feet(self) -> dict[str, tuple[float, float, float]]:
         """Centre of every foot in the world [m], by leg."""
         where = {}
-        for link, leg in self._feet.items():
-            state = pybullet.getLinkState(
-                self._body, link, computeForwardKinematics=True, **self._on
-            )
-            where[leg] = pybullet.multiplyTransforms(state[4], state[5], self._tip_m[leg], LEVEL)[0]
+        for body, leg in self._feet.items():
+            frame = self._frame(self._link[body])
+            where[leg] = pybullet.multiplyTransforms(*frame, self._tip_m[leg], LEVEL)[0]
         return where
 
+    def contacts(self) -> Contacts:
+        """Normal forces [N] from the ground by body, and within the robot by pair of bodies."""
+        ground: dict[str, float] = {}
+        own: dict[tuple[str, str], float] = {}
+        for point in pybullet.getContactPoints(self._body, **self._on):
+            force = point[9]
+            if force <= 0.0:
+                continue
+            body = self._name[point[3]]
+            if point[2] == self._body:
+                other = self._name[point[4]]
+                pair = (body, other) if body < other else (other, body)
+                own[pair] = own.get(pair, 0.0) + force
+            else:
+                ground[body] = ground.get(body, 0.0) + force
+        return Contacts(ground, own)
+
+    def lean_rad(self) -> float:
+        """Angle between the trunk's z axis and the ground's normal [rad]."""
+        x, y, _, _ = self.base()[1]
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+
     def observe(self) -> dict[str, float]:
-        """Pose of the trunk frame and normal forces: by foot, on the rest of the robot, on itself.
+        """Pose of the trunk frame and normal forces: by foot, on the rest, on itself by pair.
 
         Yaw is the heading about +z, pitch the nose-up angle about x (right), roll the angle about
         y (forward), positive with the right side down; all zero when level and facing +y.
         """
         seen = self._pose() if self._free else {}
-        forces = dict.fromkeys(self._feet.values(), 0.0)
-        trunk = own = 0.0
-        for point in pybullet.getContactPoints(self._body, **self._on):
-            other, link, force = point[2], point[3], point[9]
-            if other == self._body:
-                own += force
-            elif link in self._feet:
-                forces[self._feet[link]] += force
-            else:
-                trunk += force
-        for leg, force in forces.items():
-            seen[f"contact/{leg}_n"] = force
+        found = self.contacts()
+        for body, leg in self._feet.items():
+            seen[f"contact/{leg}_n"] = found.ground_n.get(body, 0.0)
         if self._free:
-            seen["contact/trunk_n"] = trunk
-        seen["contact/self_n"] = own
+            seen["contact/trunk_n"] = sum(
+                force for body, force in found.ground_n.items() if body not in self._feet
+            )
+        seen["contact/self_n"] = sum(found.own_n.values())
+        for (one, other), force in found.own_n.items():
+            seen[f"contact/self/{one}/{other}_n"] = force
         return seen
 
     def _pose(self) -> dict[str, float]:
@@ -301,7 +371,8 @@ class BulletPlant(SteppedPlant):
     A hexapod starts lying on its belly in the posture ``[rest]`` of its file, torque off. ``held``
     fixes the trunk in the air, ``trunk_load_kg`` is added to the trunk. A rig's base is always
     fixed, and where a light load on a stiff gear asks for it, its steps are shorter.
-    ``condition`` are words of a recording (:func:`sim.condition.under`). Raises
+    ``condition`` are words of a recording (:func:`sim.condition.under`), ``scene`` is what is
+    around the robot. Falls, self-contacts and links on the ground are in ``events``. Raises
     :class:`sim.entries.PhysicsError` when the file's physics cannot be used or is too stiff for
     the step.
     """
@@ -313,12 +384,17 @@ class BulletPlant(SteppedPlant):
         held: bool = False,
         trunk_load_kg: float = 0.0,
         condition: Mapping[str, Any] | None = None,
+        scene: Scene | None = None,
         steps_per_tick: int | None = None,
         substeps: int = SUBSTEPS,
     ) -> None:
         physical = read_model(robot, trunk_load_kg=trunk_load_kg, condition=condition)
+        scene = scene or Scene()
+        physical = scene.around(physical)
         self.robot = physical
-        self.world = World(physical, step_s=TICK_S / (steps_per_tick or 1), held=held)
+        self.world = World(
+            physical, step_s=TICK_S, held=held, slabs=scene.slabs, pushes=scene.pushes
+        )
         try:
             choices = (steps_per_tick,) if steps_per_tick else STEPS_PER_TICK
             if steps_per_tick is None and physical.trunk is not None:
@@ -349,6 +425,9 @@ class BulletPlant(SteppedPlant):
         raise too_stiff(self.stiffness_number, step_s, where)
 
 
-def plant(robot: Robot) -> BulletPlant:
-    """The PyBullet plant of a robot (the plant named ``bullet`` on the command line)."""
-    return BulletPlant(robot)
+def plant(robot: Robot, world: Path | None = None) -> BulletPlant:
+    """The PyBullet plant of a robot (the plant named ``bullet`` on the command line).
+
+    ``world``: a file of what is around it (:mod:`sim.scene`).
+    """
+    return BulletPlant(robot, scene=None if world is None else read_scene(world))
