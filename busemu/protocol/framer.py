@@ -26,6 +26,10 @@ bytes lost, and the next packet swallowed in part or whole. Such a second readin
 - if its checksum is wrong too, it is dropped in silence: one broken packet, one report. Only bytes
   not yet reported as part of the bad packet come out as noise.
 
+**Whole frames.** Most writes are one packet, and most packets have been there before: the same read
+every cycle. What is exactly one sound frame, with nothing held from before, is looked up or parsed
+without a search.
+
 A servo that simply starts afresh after a bad packet does the same, except that it loses what the
 bad packet had swallowed.
 """
@@ -35,10 +39,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from busemu.protocol import v1, v2
-from busemu.protocol.packets import BadPacket, Instruction, Noise, Packet
+from busemu.protocol.packets import (
+    BadPacket,
+    Instruction,
+    InstructionPacket,
+    Noise,
+    Packet,
+    StatusPacket,
+)
 
 Role = Literal["device", "host"]
 
@@ -56,6 +68,31 @@ class _Wire:
     length_before: Callable[[bytes, int], int]
     credible: frozenset[int]
     parse: Callable[[bytes], Packet]
+    whole: Callable[[bytes], Packet | None]
+
+
+#: So many different frames of each wire are remembered, with what they say.
+REMEMBERED = 1024
+#: Frames of more bytes are not.
+LONGEST_REMEMBERED = 256
+
+
+def _whole(
+    complete: re.Pattern[bytes],
+    length_before: Callable[[bytes, int], int],
+    parse: Callable[[bytes], Packet],
+) -> Callable[[bytes], Packet | None]:
+    """A function that gives the packet if bytes are exactly one sound frame, and else `None`."""
+
+    @lru_cache(REMEMBERED)
+    def whole(data: bytes) -> Packet | None:
+        match = complete.match(data)
+        if match is None or match.end() + length_before(data, match.end()) != len(data):
+            return None
+        packet = parse(data)
+        return packet if isinstance(packet, InstructionPacket | StatusPacket) else None
+
+    return whole
 
 
 def _pattern(expression: bytes) -> re.Pattern[bytes]:
@@ -95,10 +132,18 @@ def _length_2(buffer: bytes, body: int) -> int:
 
 
 def _wire_1(credible: frozenset[int], parse: Callable[[bytes], Packet]) -> _Wire:
-    return _Wire(_COMPLETE_1, _CUT_OFF_1, _length_1, credible, parse)
+    whole = _whole(_COMPLETE_1, _length_1, parse)
+    return _Wire(_COMPLETE_1, _CUT_OFF_1, _length_1, credible, parse, whole)
 
 
-_WIRE_2 = _Wire(_COMPLETE_2, _CUT_OFF_2, _length_2, _DEFINED_2, v2.parse)
+_WIRE_2 = _Wire(
+    _COMPLETE_2,
+    _CUT_OFF_2,
+    _length_2,
+    _DEFINED_2,
+    v2.parse,
+    _whole(_COMPLETE_2, _length_2, v2.parse),
+)
 _WIRES: dict[tuple[float, Role], _Wire] = {
     (1.0, "device"): _wire_1(_DEFINED_1, v1.parse_instruction),
     (1.0, "host"): _wire_1(frozenset(range(0x80)), v1.parse_status),
@@ -117,12 +162,13 @@ class Framer:
     instruction packet, for "host" every one is a status packet. In 2.0 the packet tells itself.
     """
 
-    __slots__ = ("_held", "_needed", "_reported", "_wire")
+    __slots__ = ("_held", "_needed", "_reported", "_whole", "_wire")
 
     def __init__(self, protocol: float, *, role: Role = "device") -> None:
         """Take the protocol version, 1.0 or 2.0, and whose packets to expect."""
         try:
             self._wire = _WIRES[protocol, role]
+            self._whole = self._wire.whole
         except KeyError:
             raise ValueError(f"no wire format for protocol {protocol!r}, role {role!r}") from None
         self._held = b""
@@ -142,6 +188,19 @@ class Framer:
 
     def feed(self, data: bytes) -> list[Packet]:
         """Take the next bytes of the stream and return what they complete, in order."""
+        packet = self.whole(data)
+        return self._search(data) if packet is None else [packet]
+
+    def whole(self, data: bytes) -> Packet | None:
+        """The packet, if `data` is exactly one sound frame and nothing is held; it is then taken.
+
+        Else `None`, and nothing is taken: `feed` it.
+        """
+        if self._held or len(data) > LONGEST_REMEMBERED or type(data) is not bytes:
+            return None
+        return self._whole(data)
+
+    def _search(self, data: bytes) -> list[Packet]:
         buffer = self._held + data
         if len(buffer) < self._needed:
             self._held = buffer

@@ -9,12 +9,16 @@ LENGTH counts from the byte after it to the checksum: parameters + 2.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from busemu.protocol.crc import checksum
 from busemu.protocol.packets import BROADCAST_ID, BadPacket, InstructionPacket, StatusPacket
 
 HEADER = b"\xff\xff"
 BEFORE_BODY = 4
 """Bytes before the instruction or error: what LENGTH does not count."""
+#: So many status frames are remembered.
+REMEMBERED = 4096
 MAX_ID = 0xFD
 MIN_LENGTH = 2
 MAX_LENGTH = 250
@@ -27,7 +31,9 @@ def encode_instruction(packet: InstructionPacket) -> bytes:
 
     Raises ValueError when the ID is above 254, or another field does not fit.
     """
-    return _encode(packet.servo_id, BROADCAST_ID, "instruction", packet.instruction, packet)
+    return _encode(
+        packet.servo_id, BROADCAST_ID, "instruction", packet.instruction, packet.parameters
+    )
 
 
 def encode_status(packet: StatusPacket) -> bytes:
@@ -36,7 +42,13 @@ def encode_status(packet: StatusPacket) -> bytes:
     Raises ValueError when the ID is above 253 (nobody answers as broadcast), or another field
     does not fit.
     """
-    return _encode(packet.servo_id, MAX_ID, "error", packet.error, packet)
+    return status_frame(packet.servo_id, packet.error, packet.parameters)
+
+
+@lru_cache(REMEMBERED)
+def status_frame(servo_id: int, error: int, parameters: bytes) -> bytes:
+    """`encode_status` by fields. Replies repeat, so the frames made last are remembered."""
+    return _encode(servo_id, MAX_ID, "error", error, parameters)
 
 
 def parse_instruction(frame: bytes) -> InstructionPacket | BadPacket:
@@ -59,18 +71,16 @@ def _bad(frame: bytes, expected: int) -> BadPacket:
     return BadPacket(frame[2], frame[4], "checksum", expected, frame[-1], frame)
 
 
-def _encode(
-    servo_id: int, max_id: int, name: str, value: int, packet: InstructionPacket | StatusPacket
-) -> bytes:
+def _encode(servo_id: int, max_id: int, name: str, value: int, parameters: bytes) -> bytes:
     if not 0 <= servo_id <= max_id:
         raise ValueError(f"Protocol 1.0: ID {servo_id} is not in 0..{max_id}")
     if not 0 <= value <= 0xFF:
         raise ValueError(f"Protocol 1.0: {name} {value} is not one byte")
-    length = len(packet.parameters) + MIN_LENGTH
+    length = len(parameters) + MIN_LENGTH
     if length > MAX_LENGTH:
         raise ValueError(
-            f"Protocol 1.0: {len(packet.parameters)} parameters, "
+            f"Protocol 1.0: {len(parameters)} parameters, "
             f"at most {MAX_LENGTH - MIN_LENGTH} fit a packet"
         )
-    body = bytes((servo_id, length, value)) + packet.parameters
+    body = bytes((servo_id, length, value)) + parameters
     return b"%b%b%c" % (HEADER, body, checksum(body))

@@ -21,6 +21,7 @@ a reader tells: a status packet from FE is left raw.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from busemu.protocol.crc import crc16
 from busemu.protocol.packets import (
@@ -31,7 +32,7 @@ from busemu.protocol.packets import (
     Noise,
     StatusPacket,
 )
-from busemu.protocol.stuffing import STUFFED, stuff, unstuff
+from busemu.protocol.stuffing import PATTERN, STUFFED, stuff, unstuff
 
 HEADER = b"\xff\xff\xfd\x00"
 """The three header bytes and the reserved byte, which is 0 in every packet so far defined."""
@@ -45,6 +46,8 @@ more (RXPACKET_MAX_LEN). A false length from a damaged packet can hold up no mor
 
 STATUS = int(Instruction.STATUS)
 _SHORTEST = BEFORE_BODY + MIN_LENGTH
+#: So many status frames are remembered.
+REMEMBERED = 4096
 _HEADER_CRC = crc16(HEADER)
 
 
@@ -68,8 +71,27 @@ def encode_status(packet: StatusPacket) -> bytes:
     Raises ValueError when the ID is not in 0..252 (a reply from the broadcast ID is
     `encode_fast_status`), or another field does not fit.
     """
-    _check_sender(packet.servo_id, packet.error)
-    return _encode(packet.servo_id, stuff(bytes((STATUS, packet.error)) + packet.parameters))
+    return status_frame(packet.servo_id, packet.error, packet.parameters)
+
+
+@lru_cache(REMEMBERED)
+def status_frame(servo_id: int, error: int, parameters: bytes) -> bytes:
+    """`encode_status` by fields. Replies repeat, so the frames made last are remembered."""
+    if PATTERN in parameters or error == 0xFF:
+        _check_sender(servo_id, error)
+        return _encode(servo_id, stuff(bytes((STATUS, error)) + parameters))
+    head, crc = _status_head(servo_id, len(parameters) + 4)
+    _check_sender(servo_id, error)
+    body = b"%c%b" % (error, parameters)
+    return b"%b%b%b" % (head, body, crc16(body, crc).to_bytes(2, "little"))
+
+
+@lru_cache(REMEMBERED)
+def _status_head(servo_id: int, length: int) -> tuple[bytes, int]:
+    """A status packet up to its error byte, and the CRC up to there."""
+    _check_sender(servo_id, 0)
+    head = _before_body(servo_id, length) + bytes((STATUS,))
+    return head, crc16(head)
 
 
 def encode_fast_status(blocks: Sequence[tuple[int, int, bytes]]) -> bytes:
