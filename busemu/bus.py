@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from . import usb2ax
+from .faults import Faults
 from .group import GroupRead, group_read, group_writes, superpose
 from .plant import Plant
 from .protocol import (
@@ -70,6 +71,7 @@ class Bus:
         self.protocol = protocol
         self.counts = BusCounts()
         self.on_wire = on_wire
+        self.faults: Faults | None = None  #: set by the first fault that is asked for
         self.baud_rate = baud_rate
         self.plant_s = start_s  #: the instant up to which the plant has been advanced
         self._start_s = start_s
@@ -77,12 +79,10 @@ class Bus:
         self._encode = v1.encode_status if protocol == 1.0 else v2.encode_status
         self._events: list[tuple[float, int, Event]] = []
         self._order = itertools.count()
-        self._uplink = Uplink(profile)
+        self.uplink = Uplink(profile)
         self._out_free_s = start_s  #: when the adapter can begin with the next packet
         self._last_byte_s = start_s  #: end of the last byte that a servo's receiver has seen
-        self._out_start_s = (
-            start_s  #: when the host's last unbroken run of bytes begins on the wire
-        )
+        self._out_start_s = start_s  #: when the host's last unbroken run begins on the wire
         self._reply_s = (start_s, start_s)  #: when the last reply begins and ends on the wire
         self._heard = bytearray()  #: bytes of the host that are no whole packet yet
         self._heard_s = start_s  #: when the first of them began
@@ -105,11 +105,15 @@ class Bus:
             self._noise(self._framer.abort(), byte_s)
         self._last_byte_s = self._out_free_s
         if self.profile.echo:
-            self._uplink.carry(data, start_s, byte_s)
+            self.uplink.carry(data, start_s, byte_s)
         if start_s < self._reply_s[1] and self._reply_s[0] < self._out_free_s:
             self.counts.errors += 1
             self.tell(WireEventKind.COLLISION, start_s, self._out_free_s, data)
             return
+        self._listen(data, start_s, byte_s, self.faults)
+
+    def _listen(self, data: bytes, start_s: float, byte_s: float, faults: Faults | None) -> None:
+        """What the servos hear, unless ``faults`` let them hear something else."""
         for index in range(len(data)):
             if not self._heard:
                 self._heard_s = start_s + index * byte_s
@@ -119,19 +123,25 @@ class Bus:
                     self._noise(packet, byte_s)
                     continue
                 end_s = start_s + (index + 1) * byte_s
-                self.tell(WireEventKind.INSTRUCTION, self._heard_s, end_s, bytes(self._heard))
+                heard = bytes(self._heard)
                 self._heard.clear()
+                if faults is not None and isinstance(packet, InstructionPacket):
+                    struck = faults.instruction(packet, heard, self._heard_s)
+                    if struck is not heard:
+                        self._listen(struck, self._heard_s, byte_s, None)
+                        continue
+                self.tell(WireEventKind.INSTRUCTION, self._heard_s, end_s, heard)
                 self._take(packet, end_s)
 
     def next_deadline_s(self) -> float:
         """When something happens next: an event on the bus, or bytes for the host [s]."""
         event_s = self._events[0][0]
-        ready_s = self._uplink.next_deadline_s()
+        ready_s = self.uplink.next_deadline_s()
         return event_s if ready_s is None else min(event_s, ready_s)
 
     def next_reply_s(self) -> float | None:
         """When the host has the next bytes, as far as that is known already [s]."""
-        return self._uplink.next_deadline_s()
+        return self.uplink.next_deadline_s()
 
     @property
     def line_free_s(self) -> float:
@@ -151,7 +161,7 @@ class Bus:
 
         For a caller in a hurry: nothing else is done first, as :meth:`poll` would.
         """
-        return self._uplink.poll(now_s)
+        return self.uplink.poll(now_s)
 
     def advance_plant(self, to_s: float) -> None:
         """Simulate the joints up to ``to_s``; an instant in the past changes nothing."""
@@ -196,6 +206,8 @@ class Bus:
         return [s for s in self.servos if s.servo_id == servo_id and self._hears(s, now_s)]
 
     def _refuse(self, packet: BadPacket, end_s: float, now_s: float) -> None:
+        if self.faults is not None:
+            self.faults.begin(None)
         self._answer(
             [
                 (servo.return_delay_s, servo.status(Refusal.CHECKSUM))
@@ -206,6 +218,8 @@ class Bus:
         )
 
     def _execute(self, packet: InstructionPacket, end_s: float, now_s: float) -> None:
+        if self.faults is not None:
+            self.faults.begin(packet)
         if packet.servo_id != BROADCAST_ID:
             self._single(packet, end_s, now_s)
             return
@@ -270,6 +284,9 @@ class Bus:
             self.counts.errors += 1
             return
         end_s = self._answer(replies, before_s, chained=index > 0)
+        if self.faults is not None and self.faults.silent:
+            self.counts.errors += 1
+            return
         turn_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
         self.schedule(turn_s, partial(self._chain, reads, index + 1, end_s))
 
@@ -298,7 +315,12 @@ class Bus:
             mute = [(0, 0, bytes(length)) for _, _, length in reads.items[len(blocks) :]]
             slices = v2.fast_status_slices([*blocks, *mute])[: len(blocks)]
             start_s = asked_s + self.profile.reply_s(delay_s)
-            self._carry(start_s, b"".join(slices), byte_s, collided=False)
+            runs = [(start_s, b"".join(slices))]
+            if self.faults is not None:
+                ids = [servo_id for servo_id, _, _ in blocks]
+                runs = self.faults.reply(ids, slices, start_s, byte_s)
+            for start_s, data in runs:
+                self._carry(start_s, data, byte_s, collided=False)
 
     def _answer(
         self,
@@ -317,7 +339,11 @@ class Bus:
             self.counts.replies += 1
             self.counts.errors += bool(status.error & 0x7F)
             start_s = after_s + self.profile.reply_s(delay_s, chained=chained)
-            runs.append((start_s, self._encode(status)))
+            run = (start_s, self._encode(status))
+            if self.faults is None:
+                runs.append(run)
+            else:
+                runs += self.faults.reply([status.servo_id], [run[1]], start_s, byte_s)
         end_s = after_s
         for start_s, data, collided in superpose(runs, byte_s):
             end_s = start_s + len(data) * byte_s
@@ -326,6 +352,9 @@ class Bus:
 
     def _carry(self, start_s: float, data: bytes, byte_s: float, collided: bool) -> None:
         """Bring a reply to the host, as far as the line and the adapter are free for it."""
+        if self.faults is not None and self.faults.late_s <= start_s > self.plant_s:
+            self.schedule(start_s, lambda _: self._carry(start_s, data, byte_s, collided))
+            return
         end_s = start_s + len(data) * byte_s
         free_s = start_s
         if self._reply_s[0] < end_s:
@@ -340,7 +369,7 @@ class Bus:
         self._reply_s = max(self._reply_s, (start_s, end_s))
         self._last_byte_s = max(self._last_byte_s, end_s)
         if data[lost:]:
-            self._uplink.carry(data[lost:], start_s + lost * byte_s, byte_s)
+            self.uplink.carry(data[lost:], start_s + lost * byte_s, byte_s)
 
     def _keep_house(self, servo: Servo, now_s: float) -> None:
         self.every(HOUSEKEEPING_S, servo.tick)
@@ -355,7 +384,7 @@ class Bus:
         """Give the host bytes that the adapter made itself at ``at_s``; it was busy until then."""
         self.counts.replies += 1
         self._out_free_s = max(self._out_free_s, at_s)
-        self._uplink.carry(data, at_s, 0.0)
+        self.uplink.carry(data, at_s, 0.0)
 
     def _noise(self, noise: Noise | None, byte_s: float) -> None:
         if noise is not None:
