@@ -145,21 +145,6 @@ def _bar(name: str, seconds: float) -> Iterator[Callable[[float], None] | None]:
         yield show
 
 
-def inspect(
-    recording: Annotated[Path, typer.Argument(help="NAME.parquet, or NAME.csv with its .toml.")],
-) -> None:
-    """Show what is in a recording, and what is odd about it: losses, gaps, values out of range."""
-    from .recording import RecordingError, read
-    from .recording.describe import describe as describe_recording
-
-    try:
-        typer.echo(describe_recording(read(recording)))
-    except RecordingError as error:
-        fail(error)
-    except OSError as error:
-        fail(f"{recording}: {os.strerror(error.errno or 0)}")
-
-
 def tap(
     device: Annotated[str, typer.Option(help="The real adapter: /dev/ttyUSB0, or any port.")],
     robot: RobotOption,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import groupby
 
 import numpy as np
@@ -18,18 +18,22 @@ GAPS_SHOWN = 5
 
 def describe(recording: Recording) -> str:
     """Tell what a recording holds: rows, duration, servos, rates, lost replies, largest gaps."""
-    facts = recording.metadata
-    odd = oddities(recording)
+    odd = _odd(oddities(recording), counted(recording), recording)
+    return "\n".join([facts(recording), "", *odd])
+
+
+def facts(recording: Recording) -> str:
+    """Tell what a recording holds, without a word of what is odd about it."""
+    told = recording.metadata
     lines = [
-        f"{recording.name}: {facts.get('robot', 'unnamed robot')}, "
-        f"source {facts.get('source', 'not stated')}"
-        + (f", group {facts['group']}" if "group" in facts else ""),
+        f"{recording.name}: {told.get('robot', 'unnamed robot')}, "
+        f"source {told.get('source', 'not stated')}"
+        + (f", group {told['group']}" if "group" in told else ""),
         f"{len(recording)} rows in {recording.duration_s:.3f} s",
     ]
-    if condition := facts.get("condition"):
+    if isinstance(condition := told.get("condition"), Mapping):
         lines.append("condition: " + ", ".join(f"{k} = {v}" for k, v in condition.items()))
-    series = counted(recording)
-    lines += [_servos(recording), "", _rates(series), "", *_odd(odd, series, recording)]
+    lines += [_servos(recording), "", _rates(counted(recording))]
     return "\n".join(lines)
 
 

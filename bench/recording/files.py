@@ -18,6 +18,7 @@ from . import csv_table, parquet_table
 from .errors import RecordingError
 from .metadata import from_toml, to_toml
 from .recording import Recording
+from .size import check_size
 
 
 def read(path: str | Path) -> Recording:
@@ -28,6 +29,7 @@ def read(path: str | Path) -> Recording:
     """
     path = _known(Path(path))
     if path.suffix == ".parquet":
+        check_size(path)
         table, text = parquet_table.load(path)
         return Recording.checked(table, from_toml(text, path), path)
     beside = path.with_suffix(".toml")
@@ -38,6 +40,7 @@ def read(path: str | Path) -> Recording:
                 other, f"{there.name} is missing beside it: a table and its metadata go together"
             )
     metadata = from_toml(beside.read_bytes(), beside)
+    check_size(path)
     return Recording.checked(csv_table.load(path), metadata, path)
 
 

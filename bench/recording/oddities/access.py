@@ -10,7 +10,7 @@ from ..columns import numbers
 from ..recording import Recording
 from ..rules import READ, WRITE
 from .channel import Channel, at
-from .oddity import Oddity, Weight, first_rows
+from .oddity import Oddity, Weight, first_rows, number
 
 
 def check(channel: Channel) -> Iterator[Oddity]:
@@ -57,7 +57,7 @@ def check(channel: Channel) -> Iterator[Oddity]:
             outside,
             "out_of_range",
             Weight.WARNING,
-            f"{outside.size} values outside {limits[0]} to {limits[1]}, such as "
+            f"{number(outside.size, 'value')} outside {limits[0]} to {limits[1]}, such as "
             f"{counts[outside[0]]:.0f}",
             "a servo of this model does not send them: bad reads, or another model",
             "leave these samples out, or name the servo's true model",

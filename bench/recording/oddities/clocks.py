@@ -10,7 +10,7 @@ from ..recording import Recording
 from ..rules import READ
 from .channel import Channel, channel, channels
 from .counting import SERIES_INTERVALS, Gap, gaps
-from .oddity import Oddity, Weight, first_rows
+from .oddity import Oddity, Weight, first_rows, number
 
 #: shortest log that tells how a joint moves [s]; assumed: a few settling times of a servo
 SHORT_S = 0.5
@@ -45,7 +45,8 @@ def check(recording: Recording) -> Iterator[Oddity]:
         yield Oddity(
             "gaps",
             Weight.WARNING,
-            f"{len(left)} gaps; the longest {longest.length_s:.3f} s, in {longest.series} series",
+            f"{number(len(left), 'gap')}; the longest {longest.length_s:.3f} s, in "
+            f"{longest.series} series",
             "a filter or a derivative across a gap invents motion",
             "split there, or leave the span out; look for what kept the host busy",
             t_start_s=longest.t_start_s,
@@ -123,7 +124,7 @@ def _uneven_series(series: Channel) -> Iterator[Oddity]:
         yield Oddity(
             "repeated_times",
             Weight.WARNING,
-            f"{repeated.size} samples carry the time of the one before",
+            f"{number(repeated.size, 'sample')} that carry the time of the one before",
             "the clock is coarser than the sampling: velocities made of it are infinite or zero",
             "log a finer clock; here, spread the samples evenly within a tick",
             series.servo_id,

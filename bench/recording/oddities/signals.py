@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..recording import Recording
 from ..rules import READ, WRITE
 from .channel import Channel, Floats, at, channel
-from .oddity import Oddity, Weight
+from .oddity import Oddity, Weight, number
 
 #: a bad sample stands out by this many times the usual change from sample to sample; assumed
 GLITCH_RATIO = 12.0
@@ -18,7 +18,7 @@ GLITCH_RATIO = 12.0
 GLITCH_COUNTS = 12.0
 #: and, in registers that may leap, by this much more than 99 % of all samples do; assumed
 BEYOND = 1.5
-#: speeds and currents leap in earnest: a bad one is off by this share of the register; assumed
+#: speeds, currents and voltages leap in earnest: a bad one is off by this share; assumed
 LEAP = 0.2
 #: a register at its end for this share of the samples is saturated; assumed
 SATURATED = 0.005
@@ -85,7 +85,7 @@ def _glitches(series: Channel, counts: Floats) -> Iterator[Oddity]:
     values, times = np.unique(counts[places], return_counts=True)
     often = int(np.argmax(times))
     same = times[often] >= 3 and times[often] >= CONSTANT_SHARE * places.size
-    what = f"{places.size} samples that stand out from those before and after"
+    what = f"{number(places.size, 'sample')} out of line with those before and after"
     if same:
         what += (
             f", {times[often]} of them exactly {values[often]:.0f}: failed reads, logged as that"
@@ -99,7 +99,7 @@ def _glitches(series: Channel, counts: Floats) -> Iterator[Oddity]:
         "glitches",
         Weight.WARNING,
         what,
-        "a joint cannot move like that: least squares follow such samples",
+        "nothing in a servo changes and comes back like that: least squares follow such samples",
         "leave them out, or use a loss that bears outliers",
     )
 
@@ -119,6 +119,8 @@ def glitches(series: Channel, counts: Floats) -> NDArray[np.intp]:
         limit = max(limit, BEYOND * float(np.percentile(np.abs(x - np.median(x)), 99.0)))
     if series.register is not None and series.name in LIVELY:
         limit = max(limit, LEAP * (series.register.maximum - series.register.minimum))
+    if "voltage" in series.name:
+        limit = max(limit, LEAP * float(np.median(x)))
     bad = np.zeros(len(x), dtype=bool)
     for width in (1, 2):
         before, after = x[: -width - 1], x[width + 1 :]
@@ -169,7 +171,7 @@ def _wraps(series: Channel, counts: Floats) -> Iterator[Oddity]:
             places,
             "wraps",
             Weight.NOTE,
-            f"the position passes the end of its turn {places.size} times",
+            f"the position passes the end of its turn {number(places.size, 'time')}",
             "differences across the end are a turn off",
             "unwrap before taking differences",
         )

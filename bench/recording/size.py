@@ -1,0 +1,56 @@
+"""Whether a recording's file fits into memory, before it is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from .errors import RecordingError
+
+#: memory that reading and looking through a recording takes at its height [bytes a row];
+#: measured: see docs/how-to/recordings.md
+BYTES_A_ROW = 260
+#: bytes of a row in a CSV file at least: short numbers and names
+CSV_ROW_BYTES = 25
+#: share of the free memory that a recording may take; assumed
+SHARE = 0.8
+MEMINFO = Path("/proc/meminfo")
+
+
+def check_size(path: Path) -> None:
+    """Refuse a file whose event table would not fit into the memory that is free.
+
+    Nothing is refused where the system does not tell how much is free. Raises
+    :class:`RecordingError`.
+    """
+    free = free_bytes()
+    rows = _rows(path)
+    if free is None or rows * BYTES_A_ROW <= SHARE * free:
+        return
+    raise RecordingError(
+        path,
+        f"about {rows:,} rows need {rows * BYTES_A_ROW / 2**30:.1f} GiB of memory, "
+        f"{free / 2**30:.1f} GiB are free: split the recording by time, or record fewer registers",
+    )
+
+
+def free_bytes() -> int | None:
+    """Memory that programs can still have [bytes]; ``None`` where the system does not say."""
+    try:
+        lines = MEMINFO.read_text("ascii").splitlines()
+    except OSError:
+        return None
+    found = next((line for line in lines if line.startswith("MemAvailable:")), None)
+    return None if found is None else int(found.split()[1]) * 1024
+
+
+def _rows(path: Path) -> int:
+    if path.suffix != ".parquet":
+        return path.stat().st_size // CSV_ROW_BYTES
+    try:
+        with pq.ParquetFile(path) as file:
+            return int(file.metadata.num_rows)
+    except pa.ArrowException:
+        return 0  # what it is instead is told when it is read
