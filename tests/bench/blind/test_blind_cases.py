@@ -1,0 +1,263 @@
+"""Case folders: sealed, repeatable, and nothing but beliefs in the open."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bench.blind.cases
+from bench.blind import (
+    Asked,
+    SealError,
+    draw,
+    open_key,
+    open_truth,
+    read_public,
+    rerun,
+    write_case,
+)
+from bench.blind.conceal import disguise
+from bench.blind.effects import EFFECTS
+from bench.blind.sizing import noise_floor
+from bench.blind.unlisted import STRANGERS
+from bench.motions import ExperimentPlan, motion
+from bench.recording import read
+from busemu.tables import load_robot
+
+SECRET = "a secret that is long enough"
+WISH = Asked(
+    kind="single",
+    effects=("dead_zone",),
+    ratio=8.0,
+    concealment="plain",
+    rig="xl330-turntable",
+    programme="fast",
+    disguise=False,
+)
+NULL = Asked(kind="null", rig="xl330-turntable", programme="fast", style="fast")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_case(tmp_path_factory.mktemp("cases") / "one", 7, SECRET, WISH)
+
+
+@pytest.fixture(scope="module")
+def key(folder: Path) -> dict[str, Any]:
+    return open_key(folder, SECRET)
+
+
+def test_same_seed_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    again = write_case(tmp_path / folder.name, 7, SECRET, WISH)
+    files = sorted(p.relative_to(folder) for p in folder.rglob("*") if p.is_file())
+    assert len(files) == 4 + 10
+    for file in files:
+        if file.suffix != ".sealed":  # a seal has its own time and salt
+            assert (again / file).read_bytes() == (folder / file).read_bytes(), file
+    other = write_case(tmp_path / "other", 8, SECRET, WISH)
+    assert read_public(other)["key_sha256"] != read_public(folder)["key_sha256"]
+
+
+def test_key_does_not_open_without_the_secret(folder: Path) -> None:
+    with pytest.raises(SealError, match="the seal does not open"):
+        open_key(folder, SECRET + "!")
+    with pytest.raises(SealError, match="the seal does not open"):
+        open_truth(folder, SECRET[:-1])
+    assert b"dead_zone" not in (folder / "key.sealed").read_bytes()
+
+
+def test_short_secret_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SealError, match="shorter than 16"):
+        write_case(tmp_path / "weak", 1, "1234", WISH)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_key_that_was_changed_after_publication_is_refused(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / folder.name
+    shutil.copytree(folder, copy)
+    public = json.loads((copy / "case.json").read_text())
+    public["key_sha256"] = "0" * 64
+    (copy / "case.json").write_text(json.dumps(public))
+    with pytest.raises(SealError, match="not what was published as key_sha256"):
+        open_key(copy, SECRET)
+
+
+def numbers(document: object) -> set[float]:
+    """All numbers in a document but those that everything has."""
+    if isinstance(document, dict):
+        return set().union(*(numbers(v) for v in document.values()), set())
+    if isinstance(document, list):
+        return set().union(*(numbers(v) for v in document), set())
+    if isinstance(document, int | float) and not isinstance(document, bool):
+        return {float(document)}
+    return set()
+
+
+def test_open_files_hold_no_truth(folder: Path, key: dict[str, Any]) -> None:
+    robot = (folder / "robot.toml").read_text()
+    documents = [dict(load_robot(folder / "robot.toml").document)]
+    documents += [read(path).metadata for path in sorted((folder / "recordings").iterdir())]
+    believed = set().union(*(numbers(document) for document in documents))
+    told = [p["value"] for e in key["effects"] for p in e["parameters"].values()]
+    told += [v for v in key["nuisances"].values() if isinstance(v, float) and v not in (0.0, 1.0)]
+    assert told
+    assert not {float(v) for v in told} & believed
+    words = robot + json.dumps(documents[1:]) + (folder / "case.json").read_text()
+    for name in (*EFFECTS, *STRANGERS):
+        assert f'"{name}"' not in words
+    assert "seed" not in words
+
+
+def test_robot_file_of_a_case_is_that_of_a_null(folder: Path, tmp_path: Path) -> None:
+    null = write_case(tmp_path / "null", 3, SECRET, NULL)
+    assert (null / "robot.toml").read_bytes() == (folder / "robot.toml").read_bytes()
+    assert open_key(null, SECRET)["effects"] == []
+
+
+def test_recordings_are_simulations_with_groups_and_repeats(folder: Path) -> None:
+    recordings = [read(path) for path in sorted((folder / "recordings").iterdir())]
+    groups = [r.metadata["group"] for r in recordings]
+    assert {groups.count(group) for group in groups} == {2}
+    assert {r.metadata["source"] for r in recordings} == {"simulation"}
+    assert set(read_public(folder)["held_out"]) < set(groups)
+    for recording in recordings:
+        assert recording.robot is not None
+        assert recording.models[1].model == "XL330-M288"
+
+
+def test_truth_lies_within_noise_of_what_was_read(folder: Path, key: dict[str, Any]) -> None:
+    truth = open_truth(folder, SECRET)
+    names = np.array(truth.column("recording").to_pylist())
+    for name, oracle in key["oracle"].items():
+        recording = read(folder / "recordings" / f"{name}.parquet")
+        mine = names == name
+        rows = truth.column("row").to_numpy()[mine]
+        true = truth.column("position_rad").to_numpy()[mine]
+        assert np.array_equal(rows, recording.rows(1, "present_position", "read"))
+        raw = recording.table.column("raw").to_numpy()[rows]
+        there = ~np.isnan(raw)
+        register = recording.register(1, "present_position")
+        read_rad = np.array([register.to_si(int(r)) for r in raw[there]])
+        apart = read_rad - true[there]
+        assert np.abs(apart).max() < 2.0 * register.si_scale
+        assert float(np.mean(apart**2)) == pytest.approx(oracle["mse_rad2"])
+        times = truth.column("t_true_s").to_numpy()[mine]
+        assert np.all(times >= recording.t_s[rows])
+        assert np.all(times < recording.t_s[rows] + 0.4e-3)
+
+
+def test_rerun_is_on_the_same_specimen(folder: Path) -> None:
+    plan = ExperimentPlan(motion("dither", duration_s=3.0), {"position_p_gain": 300}, 0.2)
+    first, second = rerun(folder, SECRET, plan), rerun(folder, SECRET, plan)
+    for column in ("t_s", "raw"):
+        one, two = (r.table.column(column).to_numpy() for r in (first, second))
+        assert np.array_equal(one, two, equal_nan=True)
+    assert first.metadata["servo"]["1"]["registers"]["position_p_gain"] == 300
+    assert first.metadata["condition"]["motion"] == "dither"
+    assert first.duration_s == pytest.approx(3.0, abs=0.1)
+
+
+def test_rerun_refuses_another_generator(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench.blind.cases, "generator", lambda: "newer")
+    with pytest.raises(SealError, match="another version of the generator"):
+        rerun(folder, SECRET, ExperimentPlan(motion("hold")))
+
+
+def test_folder_that_is_there_is_not_touched(folder: Path) -> None:
+    with pytest.raises(FileExistsError, match="is there already"):
+        write_case(folder, 1, SECRET)
+
+
+def test_case_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bench.blind.cases, "robot_toml", fail)
+    with pytest.raises(KeyboardInterrupt):
+        write_case(tmp_path / "half", 7, SECRET, WISH)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_kinds_have_their_number_of_effects() -> None:
+    small = {"ratio": 2.0, "concealment": "plain", "rig": "xl330-pendulum", "programme": "slow"}
+    for kind, count in (("null", 0), ("pair", 2), ("stranger", 1), ("deleted", 1)):
+        case = draw(5, Asked(kind=kind, **small))  # type: ignore[arg-type]
+        assert len(case.hidden) == count
+        assert {h.name in STRANGERS for h in case.hidden} <= {kind == "stranger"}
+    with pytest.raises(ValueError, match="a case of kind pair has 2 effects"):
+        draw(5, Asked(kind="pair", effects=("punch",)))
+
+
+def test_deleted_case_names_what_the_catalogue_lacks(tmp_path: Path) -> None:
+    wish = Asked(kind="deleted", effects=("punch",), ratio=3.0, rig="xl330-pendulum", style="slow")
+    folder = write_case(tmp_path / "deleted", 2, SECRET, wish)
+    assert read_public(folder)["catalogue_without"] == ["punch"]
+
+
+def test_masked_case_has_a_larger_ordinary_misfit() -> None:
+    case = draw(4, Asked(kind="single", effects=("punch",), concealment="masked", ratio=2.0))
+    (mask,) = case.ordinary
+    assert mask.name in ("gain_error", "payload", "link_mass", "supply_voltage")
+    for pin in mask.effect.pins:
+        assert getattr(case.nuisances, pin) in (0.0, 1.0)
+
+
+def test_sub_quantum_case_is_below_the_step() -> None:
+    case = draw(
+        4, Asked(kind="single", effects=("punch",), concealment="sub_quantum", rig="ax12-turntable")
+    )
+    (hidden,) = case.hidden
+    assert hidden.ratio * noise_floor(case.ground.key) < case.ground.rig.sheet.step_rad
+
+
+def test_mimicked_case_names_its_rival(tmp_path: Path) -> None:
+    wish = Asked(
+        kind="single",
+        effects=("read_skew",),
+        ratio=3.0,
+        concealment="mimicked",
+        rig="xl330-turntable",
+        programme="fast",
+        style="slow",
+    )
+    key = open_key(write_case(tmp_path / "mimic", 2, SECRET, wish), SECRET)
+    assert key["rival"]["effect"] == "transport_delay"
+    assert 0.0 < key["rival"]["unlike"] < 0.5
+
+
+def test_disguise_brings_the_raw_misfit_to_a_nulls() -> None:
+    case = draw(
+        11,
+        Asked(
+            kind="single",
+            effects=("dead_zone",),
+            ratio=3.0,
+            concealment="plain",
+            rig="xl330-pendulum",
+            programme="slow",
+            style="slow",
+            disguise=True,
+        ),
+    )
+    changed, told = disguise(case)
+    plain, nothing = disguise(draw(7, WISH))
+    assert told["matched"] == (abs(told["rmse_rad"] / told["rmse_null_rad"] - 1.0) <= 0.10)
+    assert 0.9 <= changed.nuisances.torque_constant_factor <= 1.1
+    assert nothing == {}
+    assert not plain.disguised
+
+
+def test_key_is_plain_json_without_infinities(key: dict[str, Any]) -> None:
+    def finite(document: object) -> bool:
+        return all(math.isfinite(n) for n in numbers(document))
+
+    assert finite(key)
+    assert key["effects"][0]["effect"] == "dead_zone"
+    assert key["effects"][0]["wanted_ratio"] == 8.0
+    assert key["effects"][0]["parameters"]["margin_rad"]["unit"] == "rad"

@@ -1,0 +1,130 @@
+"""Hidden effects: nothing at their off value, more than the floor at their largest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bench.blind import sizing
+from bench.blind.changes import Setting
+from bench.blind.effects import EFFECTS, POSITION
+from bench.blind.host import Line, commands, schedule
+from bench.blind.instant import Gate, GateKind
+from bench.blind.pendulum import TICK_S, Trace, roll
+from bench.blind.rigs import RIGS, STYLES, Run
+from bench.blind.specimen import Specimen
+from bench.blind.unlisted import STRANGERS
+from bench.motions import ExperimentPlan, motion
+
+ALL = {**EFFECTS, **STRANGERS}
+RUN = Run("steps", ExperimentPlan(motion("steps", duration_s=3.0), payload_kg=0.2))
+LIFT = Run(
+    "lift", ExperimentPlan(motion("lift_and_drop", lift_s=1.0, duration_s=2.5), payload_kg=0.2)
+)
+BASE = RIGS["xl330-pendulum"].specimen(0.2)
+
+
+def rolled(specimen: Specimen, run: Run = RUN) -> Trace:
+    timing = schedule(STYLES["fast"], run.plan.motion.duration_s, Line(), np.random.default_rng(0))
+    return roll(specimen, commands(run.plan, specimen.sheet, timing))
+
+
+@pytest.fixture(scope="module")
+def base() -> Trace:
+    return rolled(BASE)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_effect_at_off_is_no_effect_to_the_bit(name: str, base: Trace) -> None:
+    specimen, truth = ALL[name].apply(BASE, 0.0, Setting())
+    off = rolled(specimen)
+    for field in ("t_s", "position_rad", "sensed_rad", "velocity_rad_s", "duty", "current_a"):
+        assert np.array_equal(getattr(off, field), getattr(base, field)), field
+    assert specimen.sensing == BASE.sensing
+    first = next(iter(truth.values()))
+    assert first.value == first.off or name == "overload_shutdown"
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_effect_at_its_largest_is_more_than_eight_floors(name: str) -> None:
+    effect = ALL[name]
+    floor = sizing.noise_floor(("xl330-pendulum", "fast", "fast"), effect.channel)
+    runs = (RUN, LIFT) if name in ("rotor_inertia", "link_mass", "com_offset") else (RUN,)
+    squares = []
+    for run in runs:
+        specimen, _ = effect.apply(BASE, effect.most, Setting(choice=0.0))
+        moved = sizing.observe(STYLES["fast"], run, specimen, effect.channel)
+        still = sizing.observe(STYLES["fast"], run, BASE, effect.channel)
+        squares.append((moved - still) ** 2)
+    assert np.sqrt(np.mean(np.concatenate(squares))) > 8.0 * floor
+
+
+@pytest.mark.parametrize("wanted", [1.0, 8.0])
+def test_size_has_the_ratio_that_was_asked_for(wanted: float) -> None:
+    key = ("xl330-turntable", "fast", "slow")
+    found = sizing.size_for(key, "dead_zone", wanted, Setting())
+    assert found is not None
+    assert found.ratio == pytest.approx(wanted, rel=sizing.CLOSE)
+    moved = sizing.rms(sizing.change(key, "dead_zone", found.size, Setting()))
+    assert moved / sizing.noise_floor(key) == found.ratio
+
+
+def test_size_counts_from_the_nuisances_bound() -> None:
+    for name, effect in EFFECTS.items():
+        assert bool(effect.allowance) == bool(effect.pins) or name == "gain_error"
+    _, truth = EFFECTS["link_mass"].apply(BASE, 0.01, Setting())
+    assert truth["factor"].value == pytest.approx(1.0 + EFFECTS["link_mass"].allowance + 0.01)
+
+
+def test_noise_floor_is_more_than_the_quantisation() -> None:
+    key = ("xl330-turntable", "fast", "slow")
+    assert sizing.noise_floor(key) > RIGS[key[0]].sheet.step_rad / np.sqrt(12.0)
+
+
+def test_size_that_no_plausible_value_reaches_is_none() -> None:
+    key = ("xl330-turntable", "fast", "slow")
+    assert sizing.size_for(key, "zero_offset", 8.0, Setting()) is None
+
+
+@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if GateKind.TIME in e.gates])
+def test_rare_effect_is_there_in_its_window_only(name: str, base: Trace) -> None:
+    gate = Gate(GateKind.TIME, 0.9, 1.3)
+    effect = EFFECTS[name]
+    specimen, _ = effect.apply(BASE, 0.8 * effect.most, Setting(gate=gate))
+    rare = rolled(specimen)
+    before = base.t_s < gate.low - 1e-9
+    apart = np.abs(rare.position_rad - base.position_rad)
+    assert apart[before].max() == 0.0
+    assert apart.max() > BASE.sheet.step_rad
+
+
+def test_worn_sector_plays_there_only(base: Trace) -> None:
+    gate = Gate(GateKind.ANGLE, 0.3, 0.5)
+    specimen, _ = EFFECTS["backlash"].apply(BASE, 0.08, Setting(gate=gate))
+    worn = rolled(specimen)
+    far = rolled(
+        EFFECTS["backlash"].apply(BASE, 0.08, Setting(gate=Gate(GateKind.ANGLE, 9, 10)))[0]
+    )
+    apart = np.abs(worn.position_rad - far.position_rad)
+    inside = (far.position_rad > gate.low) & (far.position_rad < gate.high)
+    assert inside.any()
+    assert apart[: int(np.argmax(inside))].max() < 1e-9
+    assert apart.max() > BASE.sheet.step_rad
+
+
+def test_names_are_those_of_the_catalogue_and_strangers_are_not() -> None:
+    assert not set(EFFECTS) & set(STRANGERS)
+    assert len(EFFECTS) == 28
+    for effect in ALL.values():
+        assert set(effect.rivals) <= set(EFFECTS)
+        assert effect.channel in (POSITION, "duty")
+    with pytest.raises(ValueError, match="no effect named 'gremlin'"):
+        sizing.effect_named("gremlin")
+
+
+def test_delay_shifts_the_goal_by_its_parameter() -> None:
+    late = rolled(BASE.but(goal_late_s=0.05))
+    duty = rolled(BASE).duty
+    first = int(np.argmax(np.abs(np.diff(duty)) > 0.05))
+    later = int(np.argmax(np.abs(np.diff(late.duty)) > 0.05))
+    assert (later - first) * TICK_S == pytest.approx(0.05, abs=2 * TICK_S)
