@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from .faults import FaultError
 from .observe import ObservationError
 from .ports.device import DeviceError
 from .ports.pty import LinkError
@@ -41,6 +42,7 @@ USER_ERRORS = (
     TraceError,
     StateError,
     ServingError,
+    FaultError,
 )
 
 app = typer.Typer(
@@ -142,6 +144,14 @@ def serve_command(
         float,
         typer.Option(metavar="MB", help="FILE and FILE.1, the older half, take no more than this."),
     ] = 64.0,
+    faults: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE",
+            help="Let things go wrong as this scenario says (.toml); on a running server: "
+            "busemu fault --help.",
+        ),
+    ] = None,
 ) -> None:
     """Open a virtual serial port and be the robot's servos on it, until Ctrl-C.
 
@@ -174,6 +184,7 @@ def serve_command(
             each("--state", state, count),
             each("--observe", observe, count),
             each("--trace", trace, count),
+            each("--faults", faults, count),
             strict=True,
         )
         wanted = [
@@ -187,6 +198,7 @@ def serve_command(
                 state=_path(state_of),
                 observe=_path(observe_of),
                 trace=_path(trace_of),
+                faults=_path(faults_of),
                 trace_size=trace_size,
                 echo=echo,
             )
@@ -200,6 +212,7 @@ def serve_command(
                 state_of,
                 observe_of,
                 trace_of,
+                faults_of,
             ) in columns
         ]
         with opened(wanted) as buses:

@@ -30,10 +30,11 @@ class Shown:
         self._console = Console(highlight=False) if sys.stdout.isatty() else None
 
     def packet(self, explanation: Explanation, lines: Iterable[Line]) -> None:
-        """Show a packet, if it is to be shown."""
-        self.packets += 1
+        """Show a packet, or a fault that struck, if it is to be shown."""
+        fault = explanation.kind == "fault"
+        self.packets += not fault
         self.bad += explanation.bad
-        if explanation.bad or not self._only_bad:
+        if explanation.bad or fault or not self._only_bad:
             self.lines(lines)
 
     def lines(self, lines: Iterable[Line]) -> None:

@@ -15,11 +15,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .assemble import assemble, plants
+from .chance import seeded
+from .control import Control, ControlError
+from .faults import Faults, Scenario, load_scenario
 from .observe import Observation
 from .plant import Plant
 from .ports.device import SerialDevice
 from .ports.line import UartLine, servo_side
-from .ports.port import Port
+from .ports.port import Port, plug_of
 from .ports.pty import PtyPort
 from .ports.tcp import TcpPort
 from .serve import ServerState, Station
@@ -52,6 +55,7 @@ class Wanted:
     observe: Path | None = None
     trace: Path | None = None
     trace_size: float = 64.0
+    faults: Path | None = None
     echo: bool = False
 
 
@@ -86,6 +90,8 @@ class Served:
         self.profile = _profile(wanted, self.robot)
         if wanted.plant not in plants():
             raise ServingError(f"no plant named {wanted.plant!r}: use one of {', '.join(plants())}")
+        self._scenario = load_scenario(wanted.faults, self.robot) if wanted.faults else Scenario()
+        self._control: Control | None = None
         self.tracing: Tracing | None = None
         self._state: State | None = None
         self._observation: Observation | None = None
@@ -118,16 +124,38 @@ class Served:
         line = self.bus if self.wanted.device is None else UartLine(self.bus)
         if self.tracing is not None:
             self.tracing.join(self.bus)
-        beside = self.tracing is not None or self._state is not None
+        self._take_faults()
         return Station(
             TracedPort(self.port, self.tracing.log) if self.tracing else self.port,
             line,
             observe_every_s=OBSERVE_EVERY_S,
             observe=self._observation.row if self._observation else None,
-            idle=self._idle if beside else None,
+            idle=self._idle,
         )
 
+    def _take_faults(self) -> None:
+        """Have the faults of the scenario, and listen for more."""
+        plug = self._plug if plug_of(self.port) is not None else None
+        faults = Faults(self.bus, self.robot, seeded(self._scenario.seed), plug)
+        for fault in self._scenario.faults:
+            faults.add(fault)
+        link = self.wanted.link
+        names = [self.port.path] if link is None else [os.path.abspath(link), self.port.path]
+        try:
+            self._control = Control(names, faults, self.robot)
+        except ControlError as error:
+            sys.stderr.write(f"busemu: {error}; busemu fault will not find this server\n")
+
+    def _plug(self, plugged: bool) -> None:
+        plug = plug_of(self.port)
+        assert plug is not None
+        plug(plugged)
+        line = f"port {self.port.path} is there again" if plugged else "port unplugged"
+        os.write(sys.stdout.fileno(), f"{line}\n".encode())
+
     def _idle(self, now_s: float) -> None:
+        if self._control is not None:
+            self._control.idle(now_s)
         if self.tracing is not None:
             self.tracing.idle(now_s)
         if self._state is not None and self.bus.next_reply_s() is None:
@@ -162,6 +190,8 @@ class Served:
 
     def close(self) -> None:
         """Give everything up; what is to be kept is on the disk afterwards."""
+        if self._control is not None:
+            self._control.close()
         self.port.close()
         if self.tracing is not None:
             self.tracing.close()

@@ -150,7 +150,8 @@ class Tally:
     def _add(self, record: Record, explanation: Explanation) -> None:
         at_s = record.event.start_s
         if explanation.kind == "fault":
-            self.struck[explanation.summary.partition(":")[0]] += 1
+            kind, _, what = explanation.summary.partition(": ")
+            self.struck[kind] += what != "over"
         if explanation.bad:
             self.faults[_kind_of_fault(explanation)] += 1
         if explanation.kind == "instruction":

@@ -11,7 +11,14 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 #: Modules that write to a terminal, with typer and rich.
-COMMAND_LINE = ("busemu.cli", "busemu.__main__", "busemu.see", "busemu.decoding", "busemu.monitor")
+COMMAND_LINE = (
+    "busemu.cli",
+    "busemu.__main__",
+    "busemu.see",
+    "busemu.decoding",
+    "busemu.monitor",
+    "busemu.fault_command",
+)
 PACKAGES = ("busemu", "hal", "sim", "bench")
 
 
