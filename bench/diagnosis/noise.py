@@ -5,7 +5,8 @@ has a memory. Its likelihood is that of a Kalman filter with one state, and the 
 standardised innovations are the whitened residual: linear in the residual, so that least squares
 can use them. Samples that follow each other quickly then count for little more than one, as they
 should; with independent samples assumed, a simulator that is merely not perfect seems to miss
-physics in nearly every recording.
+physics in nearly every recording. What memory the innovations keep all the same is judged when two
+hypotheses are compared, by the spread of their difference over stretches of time.
 
 The white part is never below the register's step over sqrt(12), the deviation of rounding.
 """
@@ -23,7 +24,7 @@ from scipy.optimize import minimize
 
 Floats = NDArray[np.float64]
 
-LONGEST_MEMORY_S = 3.0  #: assumed: slower than this is an offset, which the nuisances take up
+LONGEST_MEMORY_S = 0.5  #: assumed: a misfit that lasts longer is none that noise explains
 SHORTEST_MEMORY_S = 0.004  #: assumed: faster than this is white at any rate a bus can sample
 CLIP = 3.5  #: innovations beyond so many deviations count as linear, not square (Huber)
 
@@ -121,33 +122,34 @@ def cost(block: Block, noise: Noise) -> float:
     return float(huber(z).sum()) + logs
 
 
+def cost_by_sample(block: Block, noise: Noise) -> Floats:
+    """Negative log-likelihood of every sample given those before it [nats], shape (n,)."""
+    out, deviation = np.empty((len(block.value), 1)), np.empty(len(block.value))
+    args = (noise.white, noise.coloured, noise.memory_s, out, deviation)
+    _filter(block.t_s, block.value[:, None], block.extra, *args)
+    costs: Floats = huber(out[:, 0]) + np.log(deviation)
+    return costs
+
+
 def estimate(blocks: Sequence[Block], floor: float, start: Noise | None = None) -> Noise:
     """The noise that makes some blocks of one channel likeliest; the white part is >= ``floor``."""
     spread = math.sqrt(float(np.mean([np.mean(b.value**2) for b in blocks]))) + 1e-12
     if start is None:
         start = Noise(1.2 * floor, max(0.7 * spread, 0.1 * floor), 0.1)
+    box = (
+        (math.log(floor), math.log(max(30.0 * spread, 2.0 * floor))),
+        (math.log(1e-3 * floor), math.log(10.0 * (spread + floor))),
+        (math.log(SHORTEST_MEMORY_S), math.log(LONGEST_MEMORY_S)),
+    )
 
     def of(x: Floats) -> Noise:
-        white = floor * math.exp(min(abs(x[0]), 6.0))
-        coloured = min(floor * math.exp(min(x[1], 12.0)), 3.0 * spread + floor)
-        span = math.log(LONGEST_MEMORY_S / SHORTEST_MEMORY_S)
-        memory = SHORTEST_MEMORY_S * math.exp(span / (1.0 + math.exp(-x[2])))
-        return Noise(white, coloured, memory)
+        return Noise(math.exp(x[0]), math.exp(x[1]), math.exp(x[2]))
 
-    span = math.log(LONGEST_MEMORY_S / SHORTEST_MEMORY_S)
-    part = math.log(max(start.memory_s, 1.01 * SHORTEST_MEMORY_S) / SHORTEST_MEMORY_S) / span
-    part = min(max(part, 0.01), 0.99)
-    x0 = np.array(
-        [
-            math.log(max(start.white / floor, 1.02)),
-            math.log(max(start.coloured / floor, 1e-3)),
-            math.log(part / (1.0 - part)),
-        ]
-    )
     found = minimize(
         lambda x: sum(cost(b, of(x)) for b in blocks),
-        x0,
-        method="Nelder-Mead",
-        options={"maxfev": 120, "xatol": 0.03, "fatol": 0.3},
+        np.clip(np.log([start.white, start.coloured, start.memory_s]), *np.transpose(box)),
+        method="L-BFGS-B",
+        bounds=box,
+        options={"maxiter": 40, "ftol": 1e-9, "eps": 1e-4},
     )
     return of(found.x)

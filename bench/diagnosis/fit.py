@@ -1,0 +1,213 @@
+"""Fitting a hypothesis: nuisances under their priors, knobs within their bounds, noise in turns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from .model import Blocks, Hypothesis, JointModel, Kind
+from .noise import CLIP, Block, Noise, cost, estimate, whiten
+
+Floats = NDArray[np.float64]
+
+STEP = 0.02  #: of the finite differences, in units of a knob
+NUISANCE_STEP = 0.2  #: in deviations of its prior
+ROUNDS = 3  #: of fitting and of estimating the noise in turns
+ENOUGH = 0.05  #: gain of a step [nats] at which a fit is done
+EDGE = 1e-3  #: how close to a bound a knob counts as at it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A hypothesis at its likeliest values: ``z`` as in :class:`JointModel`, noise by kind."""
+
+    hypothesis: Hypothesis
+    z: Floats
+    noise: Mapping[Kind, Noise]
+    cost: float  #: negative log-likelihood with the priors [nats]
+    costs: Mapping[tuple[int, Kind], float] = field(default_factory=dict)  #: by block, no priors
+    jacobian: Floats | None = None  #: whitened, priors' rows last
+
+    @property
+    def likelihood_cost(self) -> float:
+        """Negative log-likelihood without the priors [nats]."""
+        return sum(self.costs.values())
+
+
+def bounds(model: JointModel, hypothesis: Hypothesis) -> tuple[Floats, Floats]:
+    """The least and the greatest value of every number of a vector."""
+    count = len(model.nuisances)
+    low = [-8.0] * count + [k.bounds[0] for k in hypothesis.knobs]
+    high = [8.0] * count + [k.bounds[1] for k in hypothesis.knobs]
+    return np.array(low), np.array(high)
+
+
+def prior_cost(model: JointModel, z: Floats) -> float:
+    """What the nuisances' values cost under their priors [nats]."""
+    return 0.5 * float(np.sum(z[: len(model.nuisances)] ** 2))
+
+
+def block_costs(blocks: Blocks, noise: Mapping[Kind, Noise]) -> dict[tuple[int, Kind], float]:
+    """Negative log-likelihood of every block [nats]."""
+    return {key: cost(block, noise[key[1]]) for key, block in blocks.items()}
+
+
+def estimate_noise(
+    model: JointModel, blocks: Blocks, start: Mapping[Kind, Noise] | None = None
+) -> dict[Kind, Noise]:
+    """The likeliest noise of every kind."""
+    noise = {}
+    for kind, floor in model.floors().items():
+        some = [block for key, block in blocks.items() if key[1] is kind]
+        if some:
+            noise[kind] = estimate(some, floor, start.get(kind) if start else None)
+    return noise
+
+
+def whitened(blocks: Sequence[Blocks], noise: Mapping[Kind, Noise]) -> tuple[Floats, Floats]:
+    """The first blocks' whitened residual (n,) and how the others differ from it (n, others)."""
+    residuals, differences = [], []
+    for key, block in blocks[0].items():
+        columns = np.stack([b[key].value for b in blocks], axis=1)
+        out, _ = whiten(block, noise[key[1]], columns)
+        residuals.append(out[:, 0])
+        differences.append(out[:, 1:] - out[:, :1])
+    return np.concatenate(residuals), np.concatenate(differences)
+
+
+def steps(model: JointModel, hypothesis: Hypothesis, z: Floats) -> Floats:
+    """Signed steps of finite differences that stay within the bounds."""
+    _, high = bounds(model, hypothesis)
+    size = np.array(
+        [NUISANCE_STEP] * len(model.nuisances)
+        + [STEP * max(1.0, abs(x)) for x in z[len(model.nuisances) :]]
+    )
+    return np.where(z + size > high, -size, size)
+
+
+def linearise(
+    model: JointModel,
+    hypothesis: Hypothesis,
+    z: Floats,
+    noise: Mapping[Kind, Noise],
+    which: Sequence[int] | None = None,
+) -> tuple[Floats, Floats]:
+    """Whitened residual (n,) and its Jacobian (n, len(z)) at ``z``, without priors."""
+    size = steps(model, hypothesis, z)
+    vectors = [z + np.eye(len(z))[k] * size[k] for k in range(len(z))]
+    base = model.residuals(hypothesis, [z], which)[0]
+    turns = [model.turns_controller(hypothesis, k) for k in range(len(z))]
+    moved: list[Blocks] = [{}] * len(z)
+    for controller, kinds in ((True, tuple(Kind)), (False, (Kind.POSITION, Kind.VOLTAGE))):
+        these = [k for k in range(len(z)) if turns[k] is controller]
+        if these:
+            found = model.residuals(hypothesis, [vectors[k] for k in these], which, kinds)
+            for k, blocks in zip(these, found, strict=True):
+                moved[k] = base | blocks
+    residual, differences = whitened([base, *moved], noise)
+    return residual, differences / size
+
+
+def fit(
+    model: JointModel,
+    hypothesis: Hypothesis,
+    start: Floats,
+    noise: Mapping[Kind, Noise] | None = None,
+    which: Sequence[int] | None = None,
+    rounds: int = ROUNDS,
+    evaluations: int = 10,
+) -> Fit:
+    """Fit a hypothesis from ``start`` on some recordings (all)."""
+    low, high = bounds(model, hypothesis)
+    z = np.clip(start, low, high)
+    blocks = model.residuals(hypothesis, [z], which)[0]
+    noise = estimate_noise(model, blocks, noise)
+    count = len(model.nuisances)
+    best: Fit | None = None
+    for _ in range(rounds):
+        z = _least_squares(model, hypothesis, z, noise, which, (low, high), evaluations)
+        blocks = model.residuals(hypothesis, [z], which)[0]
+        noise = estimate_noise(model, blocks, noise)
+        costs = block_costs(blocks, noise)
+        found = Fit(
+            hypothesis,
+            z,
+            noise,
+            sum(costs.values()) + 0.5 * float(np.sum(z[:count] ** 2)),
+            costs,
+        )
+        if best is not None and found.cost > best.cost - 0.2:
+            return found if found.cost < best.cost else best
+        best = found
+    assert best is not None
+    return best
+
+
+def _least_squares(
+    model: JointModel,
+    hypothesis: Hypothesis,
+    start: Floats,
+    noise: Mapping[Kind, Noise],
+    which: Sequence[int] | None,
+    box: tuple[Floats, Floats],
+    evaluations: int,
+) -> Floats:
+    """Levenberg and Marquardt's way within bounds; several dampings are tried in one batch."""
+    count = len(model.nuisances)
+    prior = np.zeros(len(start))
+    prior[:count] = 1.0
+
+    def costs(vectors: Sequence[Floats]) -> list[float]:
+        found = model.residuals(hypothesis, vectors, which)
+        return [
+            sum(block_costs(b, noise).values()) + 0.5 * float(np.sum(prior * v * v))
+            for b, v in zip(found, vectors, strict=True)
+        ]
+
+    z, damping = start, 1e-2
+    now = costs([z])[0]
+    for _ in range(evaluations):
+        residual, jacobian = linearise(model, hypothesis, z, noise, which)
+        weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+        normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior)
+        slope = jacobian.T @ (weight * residual) + prior * z
+        scale = np.maximum(np.diag(normal), 1e-9)
+        tried = []
+        for factor in (0.1, 1.0, 10.0, 100.0):
+            system = normal + np.diag(damping * factor * scale)
+            root = np.linalg.cholesky(system).T
+            wanted = np.linalg.solve(root.T, -slope)
+            step = lsq_linear(root, wanted, (box[0] - z - 1e-9, box[1] - z + 1e-9)).x
+            tried.append(np.clip(z + step, *box))
+        values = costs(tried)
+        best = int(np.argmin(values))
+        if not values[best] < now:
+            damping *= 100.0
+            if damping > 1e6:
+                break
+            continue
+        gained, now = now - values[best], values[best]
+        z = tried[best]
+        damping = max(1e-6, damping * (0.1, 0.3, 3.0, 30.0)[best])
+        if gained < ENOUGH:
+            break
+    return z
+
+
+def score(model: JointModel, found: Fit, which: Sequence[int]) -> dict[int, float]:
+    """Log-likelihood [nats] of recordings the fit may never have seen, by recording."""
+    blocks = model.residuals(found.hypothesis, [found.z], which)[0]
+    by_recording: dict[int, float] = dict.fromkeys(which, 0.0)
+    for (r, _), value in block_costs(blocks, found.noise).items():
+        by_recording[r] -= value
+    return by_recording
+
+
+def block_rms(blocks: Mapping[tuple[int, Kind], Block], kind: Kind) -> float:
+    """Root mean square of the residuals of one kind, in its unit."""
+    values = [b.value for key, b in blocks.items() if key[1] is kind]
+    return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) if values else float("nan")

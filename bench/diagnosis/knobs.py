@@ -1,0 +1,220 @@
+"""What a fit may turn: parameters of effects, and nuisances, as plain numbers around zero.
+
+Every knob is a number ``z`` that is 0 where its effect is off. Amplitudes are in units of their
+typical size, limits (off is infinite) enter by their reciprocal, and parameters that only shape an
+effect are logarithmic where they can be.
+
+Nuisances are what is never exactly as the operator believes and is no finding: they are fitted
+with every hypothesis, under a normal prior whose deviation is their unit. A nuisance that has to
+go far outside its prior is a finding, under the name of the effect of the same kind: then that
+effect's own parameter, without a prior, takes it up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from sim.effects import Effect, Parameter, Scope, catalogue
+from sim.robot import PhysicalRobot
+from sim.rollout import Load
+
+OUTSIDE = frozenset(
+    {
+        "foot_compliance",
+        "foot_slip",
+        "ground_compliance",
+        "ground_tilt",
+        "leg_geometry",
+        "latency_timer",
+        "lost_samples",
+        "load_refresh",
+    }
+)  #: effects that one joint on a rig cannot have, or that are seen in the data itself
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """One parameter of one effect, at some places (none: everywhere)."""
+
+    effect: str
+    parameter: Parameter
+    where: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """``effect.parameter``."""
+        return f"{self.effect}.{self.parameter.name}"
+
+    @property
+    def inverse(self) -> bool:
+        """Whether it is a limit: off at infinity."""
+        return math.isinf(self.parameter.off)
+
+    @property
+    def unit(self) -> float:
+        """The size of the parameter at ``z = 1`` (over ``off``)."""
+        p = self.parameter
+        size = p.typical if self.inverse else abs(p.typical - p.off)
+        return size or (p.high - p.low) / 6.0
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether ``z`` is the logarithm of the parameter over its typical size."""
+        return self.parameter.shape and self.parameter.low > 0.0
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The least and the greatest ``z``."""
+        p = self.parameter
+        if self.logarithmic:
+            return math.log(p.low / p.typical), math.log(p.high / p.typical)
+        if self.inverse:
+            return 0.0, self.unit / p.low
+        sign = -1.0 if p.typical < p.off else 1.0
+        ends = sorted(sign * (end - p.off) / self.unit for end in (p.low, p.high))
+        return ends[0], ends[1]
+
+    def value(self, z: float) -> float:
+        """The parameter at ``z``."""
+        p = self.parameter
+        if self.logarithmic:
+            return min(p.high, max(p.low, p.typical * math.exp(z)))
+        if self.inverse:
+            return p.off if z <= 0.0 else self.unit / z
+        sign = -1.0 if p.typical < p.off else 1.0
+        return min(p.high, max(p.low, p.off + sign * self.unit * z))
+
+    def slope(self, z: float) -> float:
+        """How fast the parameter goes with ``z``: its unit of error."""
+        if self.logarithmic:
+            return self.value(z)
+        if self.inverse:
+            return self.unit / max(z, 1e-9) ** 2
+        return self.unit
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisance:
+    """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``."""
+
+    name: str
+    unit: str
+    deviation: float
+    source: str
+    robot: Callable[[PhysicalRobot, float], PhysicalRobot] | None = None
+    load: Callable[[Load, float], Load] | None = None
+
+
+def _drives(robot: PhysicalRobot, **scales: float) -> PhysicalRobot:
+    joints = tuple(
+        replace(
+            joint,
+            drive=replace(
+                joint.drive, **{name: getattr(joint.drive, name) * s for name, s in scales.items()}
+            ),
+        )
+        for joint in robot.joints
+    )
+    return replace(robot, joints=joints)
+
+
+def _friction(robot: PhysicalRobot, name: str, scale: float) -> PhysicalRobot:
+    joints = []
+    for joint in robot.joints:
+        level = getattr(joint.drive.friction, name) * max(0.0, scale)
+        friction = replace(joint.drive.friction, **{name: level})
+        joints.append(replace(joint, drive=replace(joint.drive, friction=friction)))
+    return replace(robot, joints=tuple(joints))
+
+
+def _torque_constant(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    return _drives(robot, torque_constant_nm_a=1.0 + x, back_emf_v_s_rad=1.0 + x)
+
+
+def _zero(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    joints = tuple(
+        replace(j, drive=replace(j.drive, zero_offset_rad=j.drive.zero_offset_rad + x))
+        for j in robot.joints
+    )
+    return replace(robot, joints=joints)
+
+
+def _skew(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    return replace(robot, reading=replace(robot.reading, skew_s=robot.reading.skew_s + x))
+
+
+def _supply(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    supply = replace(robot.supply, voltage_v=robot.supply.voltage_v * (1.0 + x))
+    return replace(robot, supply=supply)
+
+
+NUISANCES = (
+    Nuisance("torque_constant", "(ratio)", 0.06, "specimens: +-10 %", _torque_constant),
+    Nuisance(
+        "coulomb_level",
+        "(ratio)",
+        0.18,
+        "specimens: +-30 %",
+        lambda r, x: _friction(r, "coulomb_nm", 1.0 + x),
+    ),
+    Nuisance(
+        "viscous_level",
+        "(ratio)",
+        0.18,
+        "specimens: +-30 %",
+        lambda r, x: _friction(r, "viscous_nm_s_rad", 1.0 + x),
+    ),
+    Nuisance(
+        "gravity_moment",
+        "(ratio)",
+        0.035,
+        "masses +-5 %, centre +-3 mm",
+        load=lambda k, x: replace(k, sine_nm=k.sine_nm * (1 + x), cosine_nm=k.cosine_nm * (1 + x)),
+    ),
+    Nuisance(
+        "load_inertia",
+        "(ratio)",
+        0.07,
+        "masses +-5 %, centre +-3 mm, extent of the weight",
+        load=lambda k, x: replace(k, inertia_kg_m2=k.inertia_kg_m2 * max(0.05, 1.0 + x)),
+    ),
+    Nuisance("zero", "rad", 0.0143, "zero +-1 deg and tilt up to 1 deg", _zero),
+    Nuisance("sampling", "s", 0.0015, "jitter and turnaround of a bus; assumed", _skew),
+    Nuisance("supply", "(ratio)", 0.02, "battery from charge to charge; assumed", _supply),
+    Nuisance(
+        "gain",
+        "(ratio)",
+        0.03,
+        "scale of a gain register; assumed",
+        lambda r, x: _drives(r, gain_scale=1.0 + x),
+    ),
+)
+
+
+def effect_knobs(effect: Effect, where: Iterable[str] = ()) -> tuple[Knob, ...]:
+    """All knobs of an effect."""
+    return tuple(Knob(effect.name, parameter, tuple(where)) for parameter in effect.parameters)
+
+
+def joint_effects() -> dict[str, Effect]:
+    """Effects that one joint on a rig can have."""
+    scopes = (Scope.JOINT, Scope.ROBOT, Scope.BODY, Scope.BUS)
+    return {
+        name: effect
+        for name, effect in catalogue().items()
+        if name not in OUTSIDE and effect.scope in scopes
+    }
+
+
+def with_effects(robot: PhysicalRobot, knobs: Sequence[Knob], z: Sequence[float]) -> PhysicalRobot:
+    """The robot with every effect of some knobs at its values."""
+    by_effect: dict[tuple[str, tuple[str, ...]], dict[str, float]] = {}
+    for knob, x in zip(knobs, z, strict=True):
+        by_effect.setdefault((knob.effect, knob.where), {})[knob.parameter.name] = knob.value(x)
+    known = catalogue()
+    for (name, where), values in by_effect.items():
+        effect = known[name]
+        robot = effect.apply(robot, where, effect.off | values)
+    return robot

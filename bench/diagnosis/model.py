@@ -1,0 +1,253 @@
+"""From what a robot may be to residuals: replays, run again under a hypothesis.
+
+Residuals come in blocks, one a recording and kind, so that the path from a goal to a motion is
+judged in parts:
+
+* **position**: the whole path; where a voltage register was read, under the recorded voltage;
+* **duty**: the duty or load register against the firmware's law along the *recorded* angles: the
+  controller alone;
+* **voltage**: the voltage register against the supply of the hypothesis under the current it has.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from busemu.tables import Robot
+from sim.condition import under
+from sim.drive import kernel
+from sim.effects import catalogue
+from sim.one_joint import one_joint_load
+from sim.robot import PhysicalRobot
+from sim.rollout import Batch, Candidate, Load
+
+from .knobs import NUISANCES, Knob, Nuisance, with_effects
+from .noise import Block
+from .observed import Channel, Observed
+
+Floats = NDArray[np.float64]
+
+INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
+
+
+class Kind(enum.Enum):
+    """Kinds of residuals, in the order they are shown."""
+
+    POSITION = "position"
+    DUTY = "duty"
+    VOLTAGE = "voltage"
+
+    @property
+    def channel(self) -> Channel:
+        """The channel it is a residual of."""
+        return Channel[self.name]
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """Effects that are on, by their knobs; nuisances always are."""
+
+    knobs: tuple[Knob, ...] = ()
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects, sorted, each once."""
+        return tuple(sorted({knob.effect for knob in self.knobs}))
+
+    def __add__(self, knobs: tuple[Knob, ...]) -> Hypothesis:
+        return Hypothesis((*self.knobs, *knobs))
+
+    def without(self, effect: str) -> Hypothesis:
+        """The hypothesis with one effect off."""
+        return Hypothesis(tuple(k for k in self.knobs if k.effect != effect))
+
+
+Blocks = dict[tuple[int, Kind], Block]
+
+
+class JointModel:
+    """One joint of a rig in some recordings; residuals for any values of nuisances and knobs.
+
+    A vector ``z`` is the nuisances in the order of :attr:`nuisances`, then the hypothesis's knobs.
+    """
+
+    def __init__(self, base: PhysicalRobot, robot: Robot, observed: Sequence[Observed]) -> None:
+        self.base = base
+        self.observed = tuple(observed)
+        joint = observed[0].joint
+        self._mount = robot.by_joint[joint]
+        self._index = next(i for i, j in enumerate(base.joints) if j.name == joint)
+        self.recorded_supply = tuple(Channel.VOLTAGE in o.channels for o in observed)
+        self.nuisances: tuple[Nuisance, ...] = tuple(
+            n for n in NUISANCES if n.name != "supply" or not all(self.recorded_supply)
+        )
+        if any(self.recorded_supply):
+            self.nuisances = tuple(NUISANCES)
+        self._batch = Batch([o.replay for o in observed])
+        table = robot.tables[self._mount.servo_id]
+        self._load_refresh_s = float(table.drive.get("load_refresh_s", 0.0))
+        self._conditions = [tuple(sorted(o.condition.items(), key=str)) for o in observed]
+        self._bases = {
+            key: under(base, dict(o.condition))
+            for key, o in zip(self._conditions, observed, strict=True)
+        }
+        self._sensed = [
+            np.interp(o.replay.samples, o.position.t_s[o.position.good], _good(o)) for o in observed
+        ]
+        self._speed = [_speed(o) for o in observed]
+        self._controllers = {n: e.enters == "controller" for n, e in catalogue().items()}
+        self.rollouts = 0  #: how many were run so far
+
+    def robot(self, hypothesis: Hypothesis, z: Floats) -> PhysicalRobot:
+        """The base robot with everything a vector says; loads' nuisances are left out."""
+        return self._changed(self.base, hypothesis, z)
+
+    def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
+        """Whether number ``k`` of a vector is one that the controller's duty depends on."""
+        if k < len(self.nuisances):
+            return self.nuisances[k].name == "gain"
+        return self._controllers[hypothesis.knobs[k - len(self.nuisances)].effect]
+
+    def _changed(self, robot: PhysicalRobot, hypothesis: Hypothesis, z: Floats) -> PhysicalRobot:
+        for nuisance, x in zip(self.nuisances, z, strict=False):
+            if nuisance.robot is not None and x != 0.0:
+                robot = nuisance.robot(robot, float(x) * nuisance.deviation)
+        return with_effects(robot, hypothesis.knobs, list(z[len(self.nuisances) :]))
+
+    def _load(self, robot: PhysicalRobot, z: Floats) -> Load:
+        told = one_joint_load(robot)
+        load = Load.pendulum(
+            told.inertia_kg_m2, told.gravity_nm, self._mount.to_servo(told.centre_rad)
+        )
+        for nuisance, x in zip(self.nuisances, z, strict=False):
+            if nuisance.load is not None and x != 0.0:
+                load = nuisance.load(load, float(x) * nuisance.deviation)
+        return load
+
+    def _candidates(
+        self, hypothesis: Hypothesis, z: Floats, which: Sequence[int]
+    ) -> tuple[list[Candidate], list[PhysicalRobot]]:
+        soft = {"backlash", "joint_compliance"} & set(hypothesis.effects)
+        made: dict[object, tuple[Candidate, PhysicalRobot]] = {}
+        candidates, robots = [], []
+        for r in which:
+            key = self._conditions[r]
+            if key not in made:
+                robot = self._changed(self._bases[key], hypothesis, z)
+                load = self._load(robot, z)
+                made[key] = (
+                    Candidate.of(robot, self._index, load, rigid=not soft),
+                    robot,
+                )
+            candidate, robot = made[key]
+            if self.recorded_supply[r]:
+                candidate = replace(candidate, source_ohm=0.0)
+            candidates.append(candidate)
+            robots.append(robot)
+        return candidates, robots
+
+    def residuals(
+        self,
+        hypothesis: Hypothesis,
+        vectors: Sequence[Floats],
+        which: Sequence[int] | None = None,
+        kinds: Sequence[Kind] = tuple(Kind),
+    ) -> list[Blocks]:
+        """Residual blocks (recorded less modelled) of some recordings, for every vector."""
+        which = list(range(len(self.observed)) if which is None else which)
+        candidates: list[Candidate] = []
+        robots: list[PhysicalRobot] = []
+        for z in vectors:
+            some, their = self._candidates(hypothesis, z, which)
+            candidates += some
+            robots += their
+        replays = which * len(vectors)
+        self.rollouts += len(candidates)
+        outs = self._batch.run(candidates, replays)
+        duties: list[Floats] = []
+        if Kind.DUTY in kinds:
+            duties = self._batch.regulate(candidates, replays, [self._sensed[r] for r in replays])
+        result = []
+        for v in range(len(vectors)):
+            blocks: Blocks = {}
+            for k, r in enumerate(which):
+                j = v * len(which) + k
+                self._blocks(blocks, r, outs[j], duties[j] if duties else None, robots[j], kinds)
+            result.append(blocks)
+        return result
+
+    def _blocks(
+        self,
+        blocks: Blocks,
+        r: int,
+        out: Floats,
+        duty: Floats | None,
+        robot: PhysicalRobot,
+        kinds: Sequence[Kind],
+    ) -> None:
+        observed = self.observed[r]
+        speed = self._speed[r]
+        for kind in kinds:
+            samples = observed.channels.get(kind.channel)
+            if samples is None:
+                continue
+            keep, at = samples.good, samples.index
+            if kind is Kind.POSITION:
+                modelled = out[at, kernel.OUT_POSITION]
+                extra = (speed[at] * INSTANT_S) ** 2
+            elif kind is Kind.DUTY:
+                assert duty is not None
+                if self._load_refresh_s:
+                    keep = keep & np.concatenate([[False], np.diff(samples.value) != 0.0])
+                modelled = duty[at]
+                gain = np.abs(out[:, kernel.OUT_DUTY]) < 1.0
+                slope = self._gain(r) * gain[at]
+                extra = (slope * observed.position.quantum) ** 2 / 6.0 + (
+                    slope * speed[at] * 4.0 * INSTANT_S
+                ) ** 2
+            else:
+                drawn = out[at, kernel.OUT_DUTY] * out[at, kernel.OUT_CURRENT]
+                modelled = robot.supply.voltage_v - robot.supply.resistance_ohm * drawn
+                extra = np.zeros(len(at))
+            value = samples.value - modelled
+            if keep.sum() >= 5:
+                value = np.nan_to_num(value[keep], nan=1e3, posinf=1e3, neginf=-1e3)
+                blocks[r, kind] = Block(samples.t_s[keep], np.clip(value, -1e3, 1e3), extra[keep])
+
+    def _gain(self, r: int) -> float:
+        start = self.observed[r].replay.start
+        return float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
+
+    def floors(self) -> Mapping[Kind, float]:
+        """The least white deviation of every kind that was observed: its register's rounding."""
+        floors: dict[Kind, float] = {}
+        for kind in Kind:
+            steps = [
+                o.channels[kind.channel].quantum
+                for o in self.observed
+                if kind.channel in o.channels
+            ]
+            if steps:
+                floors[kind] = max(steps) / np.sqrt(12.0)
+        return floors
+
+
+def _good(observed: Observed) -> Floats:
+    samples = observed.position
+    return samples.value[samples.good]
+
+
+def _speed(observed: Observed) -> Floats:
+    """Speed of the joint at every sample of the replay [rad/s], from smoothed positions."""
+    samples = observed.position
+    t, q = samples.t_s[samples.good], _good(observed)
+    span = max(3, round(0.02 / max(1e-4, float(np.median(np.diff(t))))) | 1)
+    weights = np.ones(span) / span
+    smooth = np.convolve(np.pad(q, span // 2, mode="edge"), weights, mode="valid")
+    speed: Floats = np.abs(np.interp(observed.replay.samples, t, np.gradient(smooth, t)))
+    return speed

@@ -1,0 +1,266 @@
+"""Which effects: screened cheaply, confirmed by fits, taken one by one, and dropped again.
+
+What a hypothesis gains is a difference of log-likelihoods [nats] with all nuisances fitted again.
+The noise model is never quite right, so a gain counts only after it is divided by its *inflation*:
+how much wider the sandwich variance of the effect's own parameters is, with the scores summed over
+stretches of time, than the variance the likelihood believes in (White, 1982; Takeuchi's penalty is
+the same ratio). Then it must hold on recordings the fit has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.effects import Effect
+
+from .fit import Fit, block_costs, bounds, estimate_noise, fit, linearise, score
+from .knobs import Knob, effect_knobs
+from .model import Hypothesis, JointModel
+from .noise import CLIP, whiten
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+SIZES = (0.2, 0.7, 2.0)  #: of amplitudes, in typical sizes, at which an effect is tried
+SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
+CONFIRMED = 6  #: how many of the screened effects are fitted in a step
+STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
+NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
+HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gain:
+    """What an effect gains over a hypothesis without it."""
+
+    effect: str
+    fit: Fit
+    nats: float  #: as the likelihood has it
+    inflation: float  #: what it must be divided by, at least 1
+    held_out: float | None = None  #: on recordings not used to fit [nats]
+
+    @property
+    def deflated(self) -> float:
+        """The gain that counts [nats]."""
+        return self.nats / self.inflation
+
+
+def starts(knobs: Sequence[Knob]) -> list[Floats]:
+    """Values of an effect's knobs to try: amplitudes together, shapes in all combinations."""
+    choices: list[tuple[float, ...]] = []
+    amplitudes = [k for k in knobs if not k.parameter.shape]
+    two_sided = len(amplitudes) == 1 and amplitudes[0].bounds[0] < 0.0
+    sizes = (*SIZES, *(-s for s in SIZES)) if two_sided else SIZES
+    for knob in knobs:
+        if knob.parameter.shape:
+            low, high = knob.bounds
+            spread = SHAPES if knob.logarithmic else tuple(s * 1.6 for s in SHAPES)
+            choices.append(tuple(min(high, max(low, s)) for s in spread))
+    tried = []
+    for size in sizes:
+        for shapes in product(*choices):
+            left = list(shapes)
+            tried.append(
+                np.array([left.pop(0) if k.parameter.shape else size for k in knobs], np.float64)
+            )
+    return tried
+
+
+def screen(
+    model: JointModel, base: Fit, effects: Iterable[Effect], which: Sequence[int] | None = None
+) -> list[tuple[float, str, Floats]]:
+    """Effects by how well one try of each fits: gain [nats], name, and values to start from.
+
+    Every try is one rollout; what nuisances and effects already in could do instead is projected
+    out by their tangents, and the noise scaled to what is left.
+    """
+    residual, tangents = linearise(model, base.hypothesis, base.z, base.noise, which)
+    count = len(model.nuisances)
+    prior = np.zeros(len(base.z))
+    prior[:count] = 1.0
+    weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+    normal = (tangents * weight[:, None]).T @ tangents + np.diag(prior + 1e-9)
+
+    def left(z: Floats) -> float:
+        step = np.linalg.solve(normal, tangents.T @ (weight * z) + prior * base.z)
+        after = z - tangents @ step
+        size = np.abs(after)
+        return float(np.sum(np.where(size < CLIP, size**2, 2.0 * CLIP * size - CLIP**2)))
+
+    before = left(residual)
+    ranking = []
+    for effect in effects:
+        knobs = effect_knobs(effect)
+        if effect.name in base.hypothesis.effects:
+            continue
+        hypothesis = base.hypothesis + knobs
+        tries = starts(knobs)
+        found = model.residuals(hypothesis, [np.concatenate([base.z, x]) for x in tries], which)
+        best = (-np.inf, tries[0])
+        for x, blocks in zip(tries, found, strict=True):
+            rows = [
+                whiten(b, base.noise[key[1]], b.value[:, None])[0][:, 0]
+                for key, b in blocks.items()
+            ]
+            gain = 0.5 * len(residual) * float(np.log(before / left(np.concatenate(rows))))
+            if gain > best[0]:
+                best = (gain, x)
+        ranking.append((best[0], effect.name, best[1]))
+    return sorted(ranking, key=lambda row: -row[0])
+
+
+def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
+    """How much too narrow the likelihood believes some numbers of a vector to be, at least 1."""
+    residual, jacobian = linearise(model, found.hypothesis, found.z, found.noise)
+    blocks = model.residuals(found.hypothesis, [found.z])[0]
+    stretches: list[Floats] = []
+    for number, block in enumerate(blocks.values()):
+        stretches.append(1e6 * number + np.floor(block.t_s / STRETCH_S))
+    _, cluster = np.unique(np.concatenate(stretches), return_inverse=True)
+    weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+    rows = jacobian * (weight * residual)[:, None]
+    scores = np.zeros((int(cluster.max()) + 1, jacobian.shape[1]))
+    np.add.at(scores, cluster, rows)
+    prior = np.zeros(jacobian.shape[1])
+    prior[: len(model.nuisances)] = 1.0
+    normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
+    inverse = np.linalg.pinv(normal)
+    sandwich = inverse @ (scores.T @ scores) @ inverse
+    ratios = [sandwich[k, k] / inverse[k, k] for k in knobs if inverse[k, k] > 0.0]
+    return max([1.0, *ratios])
+
+
+def confirm(model: JointModel, base: Fit, effect: Effect, start: Floats) -> Gain:
+    """Fit a hypothesis with one effect more."""
+    hypothesis = base.hypothesis + effect_knobs(effect)
+    found = fit(model, hypothesis, np.concatenate([base.z, start]), base.noise, rounds=2)
+    own = [
+        k
+        for k in range(len(base.z), len(found.z))
+        if not hypothesis.knobs[k - len(model.nuisances)].parameter.shape
+    ]
+    return Gain(effect.name, found, base.cost - found.cost, inflation(model, found, own))
+
+
+def folds(model: JointModel) -> list[list[int]]:
+    """Recordings by group, dealt into at most four parts; one part when there is one group."""
+    groups: dict[str, list[int]] = {}
+    for r, observed in enumerate(model.observed):
+        groups.setdefault(observed.group, []).append(r)
+    parts: list[list[int]] = [[] for _ in range(min(4, len(groups)))]
+    for k, group in enumerate(sorted(groups)):
+        parts[k % len(parts)] += groups[group]
+    return parts
+
+
+def held_out(model: JointModel, without: Fit, with_it: Fit) -> float:
+    """Gain [nats] on groups of recordings left out in turn, both fits made anew without them."""
+    parts = folds(model)
+    if len(parts) < 2:
+        return without.cost - with_it.cost
+    everything = range(len(model.observed))
+    total = 0.0
+    for part in parts:
+        rest = [r for r in everything if r not in part]
+        scores = []
+        for found in (without, with_it):
+            again = fit(
+                model, found.hypothesis, found.z, found.noise, rest, rounds=1, evaluations=4
+            )
+            scores.append(sum(score(model, again, part).values()))
+        total += scores[1] - scores[0]
+    return total
+
+
+def grow(
+    model: JointModel,
+    base: Fit,
+    effects: dict[str, Effect],
+    say: Progress,
+    most: int = 4,
+) -> tuple[Fit, list[Gain], list[Gain]]:
+    """Take effects one by one while they gain; the fit, those taken, and all that were confirmed.
+
+    After every step effects that no longer gain are dropped.
+    """
+    taken: list[Gain] = []
+    confirmed: list[Gain] = []
+    now = base
+    for step in range(most):
+        say(f"step {step + 1}: trying every effect")
+        left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
+        ranking = screen(model, now, left)[:CONFIRMED]
+        gains = []
+        for _, name, start in ranking:
+            say(f"step {step + 1}: fitting {name}")
+            gains.append(confirm(model, now, effects[name], start))
+        gains.sort(key=lambda g: -g.deflated)
+        confirmed += gains
+        chosen = None
+        for gain in gains[:2]:
+            if gain.deflated < NEEDED:
+                break
+            say(f"step {step + 1}: {gain.effect} on recordings left out")
+            outside = held_out(model, now, gain.fit)
+            if outside / gain.inflation > HELD_OUT:
+                chosen = Gain(gain.effect, gain.fit, gain.nats, gain.inflation, outside)
+                break
+        if chosen is None:
+            break
+        now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
+        taken.append(chosen)
+        now, taken = prune(model, now, taken, say)
+    return now, taken, confirmed
+
+
+def prune(
+    model: JointModel, now: Fit, taken: list[Gain], say: Progress
+) -> tuple[Fit, list[Gain]]:
+    """Drop effects without which the rest does as well."""
+    while len(now.hypothesis.effects) > 1:
+        worst: tuple[float, str, Fit] | None = None
+        for name in now.hypothesis.effects:
+            say(f"doing without {name}")
+            without, loss = drop(model, now, name)
+            if worst is None or loss < worst[0]:
+                worst = (loss, name, without)
+        assert worst is not None
+        if worst[0] >= NEEDED:
+            return now, taken
+        now = worst[2]
+        taken = [gain for gain in taken if gain.effect != worst[1]]
+    return now, taken
+
+
+def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float]:
+    """The hypothesis without one effect, and what that costs [nats, deflated]."""
+    count = len(model.nuisances)
+    keep = [k.effect != name for k in now.hypothesis.knobs]
+    own = [
+        count + i
+        for i, k in enumerate(now.hypothesis.knobs)
+        if k.effect == name and not k.parameter.shape
+    ]
+    start = np.concatenate([now.z[:count], now.z[count:][keep]])
+    without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=2)
+    return without, (without.cost - now.cost) / inflation(model, now, own)
+
+
+__all__ = [
+    "Gain",
+    "block_costs",
+    "bounds",
+    "confirm",
+    "drop",
+    "estimate_noise",
+    "folds",
+    "grow",
+    "held_out",
+    "inflation",
+    "screen",
+]
