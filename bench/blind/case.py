@@ -57,6 +57,11 @@ RARE_S = ((0.6, 0.9), (2.1, 2.4), (3.2, 3.6))
 #: worn sectors of a gear [rad]
 RARE_RAD = ((-0.12, 0.12), (0.3, 0.5), (-0.6, -0.4))
 CHOICES = (0.0, 0.5, 1.0)
+#: concealments that need an effect of the catalogue which can be rare, or has rivals
+BY_CATALOGUE = (Concealment.RARE, Concealment.MIMICKED)
+#: it is there or not: its trace has no small sizes
+ABRUPT = "overload_shutdown"
+FAR = 2.0  #: a trace that jumps past the ratio asked for by more than this is another case
 DRAWS = 60
 
 
@@ -177,8 +182,14 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
         concealment = Concealment(asked.concealment)
     elif kind is Kind.NULL:
         concealment = Concealment.PLAIN
+    elif asked.effects and not all(
+        _can(name, kind_) for name in asked.effects for kind_ in BY_CATALOGUE
+    ):
+        concealment = _any(random, [c for c in Concealment if c not in BY_CATALOGUE])
     else:
         concealment = _any(random, list(Concealment), [0.3, 0.2, 0.15, 0.15, 0.2])
+        if kind is Kind.STRANGER and concealment in BY_CATALOGUE:
+            concealment = Concealment.PLAIN
     names = _names(asked, kind, concealment, random)
     hidden: list[Hidden] = []
     for name in names:
@@ -214,15 +225,26 @@ def _names(
     if asked.effects:
         if len(asked.effects) != count:
             raise ValueError(f"a case of kind {kind.value} has {count} effects: name so many")
+        for name in asked.effects:
+            if not _can(name, concealment):
+                raise ValueError(f"{name} cannot be {concealment.value}: leave that open")
         return list(asked.effects)
     pool = STRANGERS if kind is Kind.STRANGER else EFFECTS
     names = [
         name
-        for name, effect in pool.items()
-        if not (concealment is Concealment.RARE and not effect.gates)
-        and not (concealment is Concealment.MIMICKED and not effect.rivals)
-    ] or list(pool)
+        for name in pool
+        if _can(name, concealment)
+        and not (name == ABRUPT and (count > 1 or concealment is not Concealment.PLAIN))
+    ]
     return [names[i] for i in random.permutation(len(names))[:count]]
+
+
+def _can(name: str, concealment: Concealment) -> bool:
+    """Whether an effect can be concealed that way."""
+    effect = effect_named(name)
+    if concealment is Concealment.RARE:
+        return bool(effect.gates)
+    return bool(effect.rivals) or concealment is not Concealment.MIMICKED
 
 
 def _hide(
@@ -252,7 +274,9 @@ def _hide(
     sign = int(_any(random, [-1, 1])) if effect.signed else 1
     how = Setting(sign, float(_any(random, list(CHOICES))), gate)
     found = size_for(where.key, name, wanted, how)
-    return None if found is None else Hidden(name, found.size, found.ratio, wanted, how)
+    if found is None or (found.ratio > FAR * wanted and name != ABRUPT):
+        return None
+    return Hidden(name, found.size, found.ratio, wanted, how)
 
 
 def _mask(where: Ground, names: list[str], random: np.random.Generator) -> Hidden:
