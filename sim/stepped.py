@@ -52,17 +52,6 @@ class Engine(Protocol):
         """Let go of the engine; may be called twice."""
 
 
-class _End:
-    """All that is sampled, at one end of a step, in the servos' frame: angle, velocity, heat."""
-
-    __slots__ = ("all", "heat_k", "motion", "position_rad", "velocity_rad_s")
-
-    def __init__(self, joints: int) -> None:
-        self.all = np.zeros((3, joints))
-        self.motion = self.all[:2]
-        self.position_rad, self.velocity_rad_s, self.heat_k = self.all
-
-
 def grid_index(to_s: float, spacing_s: float, *, up: bool) -> int:
     """Number of the grid point at or after (``up``) or at or before an instant."""
     exact = to_s / spacing_s
@@ -87,19 +76,20 @@ class SteppedPlant:
         self._engine = engine
         self._step_s = TICK_S / steps_per_tick
         self._steps_per_tick = steps_per_tick
-        self._direction = np.array([float(joint.direction) for joint in robot.joints])
-        self._zero_rad = np.array([joint.zero_rad for joint in robot.joints])
+        self._mount = np.array(
+            [[float(j.direction) for j in robot.joints], [j.zero_rad for j in robot.joints]]
+        )
         self._ambient_c = [joint.drive.ambient_c for joint in robot.joints]
         count = len(self._names)
-        self._joints = np.zeros((2, count))  # angle and velocity
-        self._joint_rad, self._joint_rad_s = self._joints
-        self._zeros = np.array([self._zero_rad, np.zeros(count)])
-        self._torque_nm = np.zeros(count)
-        self._before, self._after = _End(count), _End(count)  # of the step with the present instant
-        self._read()
+        # the step that contains the present instant: its end in the joints' frame (angle, velocity,
+        # torque during it), its beginning in the servos' (angle, velocity, heat)
+        self._joints = np.zeros((3, count))
+        self._shafts = np.zeros((3, count))
+        self._joint_rad, self._joint_rad_s, self._torque_nm = self._joints
+        engine.read(self._joint_rad, self._joint_rad_s)
         self.bank = DriveBank(
             [joint.drive for joint in robot.joints],
-            self._after.position_rad,
+            (self._joint_rad - self._mount[1]) * self._mount[0],
             supply_voltage_v=robot.supply.voltage_v,
             supply_resistance_ohm=robot.supply.resistance_ohm,
             step_s=self._step_s,
@@ -150,12 +140,16 @@ class SteppedPlant:
         are means over it, duty and voltage hold during it.
         """
         i = self._index[servo_id]
-        before, after = self._before.all[:, i].tolist(), self._after.all[:, i].tolist()
+        direction, zero = self._mount[:, i].tolist()
+        angle, rate, _ = self._joints[:, i].tolist()
+        column = self.bank.states[:, i].tolist()
+        after = ((angle - zero) * direction, rate * direction, column[kernel.HEAT])
         part = 1.0
         if self._steps:
             part = min(1.0, max(0.0, self._now_s / self._step_s - (self._steps - 1)))
-        position, velocity, heat = (a + part * (b - a) for a, b in zip(before, after, strict=True))
-        column = self.bank.states[:, i].tolist()
+        position, velocity, heat = (
+            a + part * (b - a) for a, b in zip(self._shafts[:, i].tolist(), after, strict=True)
+        )
         return ServoState(
             position_rad=position,
             velocity_rad_s=velocity,
@@ -194,20 +188,16 @@ class SteppedPlant:
         self._engine.close()
 
     def _step(self) -> None:
-        bank, end = self.bank, self._after
-        self._before, self._after = end, self._before
-        if self._until_tick == 0:
+        due = self._until_tick == 0
+        if due:
             self._until_tick = self._steps_per_tick
             if self._waiting:
                 self._hand_over(self._steps // self._steps_per_tick)
-            bank.tick(end.position_rad, end.velocity_rad_s)
         self._until_tick -= 1
-        bank.step(end.position_rad, end.velocity_rad_s)
-        np.multiply(bank.torque_nm, self._direction, self._torque_nm)
+        self.bank.move(self._mount, self._joints, self._shafts, tick=due)
         self._engine.step(self._torque_nm)
+        self._engine.read(self._joint_rad, self._joint_rad_s)
         self._steps += 1
-        self._read()
-        self._after.heat_k[:] = bank.heat_k
         self._until_watch -= 1
         if self._until_watch == 0:
             self._until_watch = self._watch_steps
@@ -223,9 +213,3 @@ class SteppedPlant:
         powered = bool(self.bank.commands[kernel.ENABLED].any())
         now_s = self._steps * self._step_s
         self._watch.look(now_s, self._engine.contacts(), self._engine.lean_rad(), powered)
-
-    def _read(self) -> None:
-        self._engine.read(self._joint_rad, self._joint_rad_s)
-        motion = self._after.motion
-        np.subtract(self._joints, self._zeros, motion)
-        np.multiply(motion, self._direction, motion)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-WATCH_S = 0.01  #: it is looked at so often; shorter touches may go unseen
+WATCH_S = 0.02  #: it is looked at so often; shorter touches may go unseen
 STOOD_S = 0.5  #: assumed: standing up takes longer, and bounces are shorter
 APART_S = 0.1  #: what touched within this time has not been apart: bodies chatter; assumed
 LEANING_RAD = math.radians(45.0)  #: assumed: no gait leans so far

@@ -219,9 +219,8 @@ class World:
     def read(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Write the joints' angles [rad] and velocities [rad/s] into the two arrays."""
         states = pybullet.getJointStates(self._body, self._joints, **self._on)
-        columns = zip(*states, strict=True)
-        position_rad[:] = next(columns)
-        velocity_rad_s[:] = next(columns)
+        position_rad[:] = [state[0] for state in states]
+        velocity_rad_s[:] = [state[1] for state in states]
 
     def step(self, torque_nm: Array) -> None:
         """Apply joint torques [N m] over one step."""

@@ -98,9 +98,16 @@ class DriveBank:
         """Move the rotors by one step while the shafts move on from the given state."""
         kernel.drive(self._arrays, position_rad, velocity_rad_s, self._step_s, self._substeps)
 
+    def move(self, mount: Array, joints: Array, shafts: Array, *, tick: bool) -> None:
+        """Tick, if asked for, and step in one call, in the joints' frame: see ``kernel.move``."""
+        tick_s = self._tick_s if tick else 0.0
+        kernel.move(self._arrays, mount, joints, shafts, tick_s, self._step_s, self._substeps)
+
     def _compile(self) -> None:
         """Run the compiled code once on a copy, so that nothing is compiled while serving."""
         still = np.zeros(self.params.shape[1])
         copy = self._arrays._replace(states=self.states.copy())
         kernel.control(copy, still, still, self._tick_s)
         kernel.drive(copy, still, still, self._step_s, self._substeps)
+        three = np.zeros((3, still.size))
+        kernel.move(copy, three[:2], three, three, 0.0, self._step_s, self._substeps)

@@ -455,6 +455,35 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
         warm(arrays, i, t.resistance * square_sum / substeps, step_s)
 
 
+@compiled
+def move(
+    arrays: Arrays,
+    mount: Array,
+    joints: Array,
+    shafts: Array,
+    tick_s: float,
+    step_s: float,
+    substeps: int,
+) -> None:
+    """One step of servos that sit at joints, preceded by a tick of their firmware if ``tick_s``.
+
+    ``mount`` (2, servos): directions and zeros, ``joint = direction * servo + zero``. ``joints``
+    (3, servos): angle [rad] and velocity [rad/s] at the beginning in, torque on the load [N m] out,
+    in the joints' frame. ``shafts`` (3, servos) then holds angle, velocity and the winding's heat
+    [K] at the beginning, in the servos' frame.
+    """
+    states = arrays.states
+    for i in range(mount.shape[1]):
+        shafts[0, i] = (joints[0, i] - mount[1, i]) * mount[0, i]
+        shafts[1, i] = joints[1, i] * mount[0, i]
+        shafts[2, i] = states[HEAT, i]
+    if tick_s > 0.0:
+        control(arrays, shafts[0], shafts[1], tick_s)
+    drive(arrays, shafts[0], shafts[1], step_s, substeps)
+    for i in range(mount.shape[1]):
+        joints[2, i] = states[TORQUE, i] * mount[0, i]
+
+
 class Jobs(NamedTuple):
     """What the jobs of one :func:`rollout` have to do; jobs of one recording share its events.
 
