@@ -22,14 +22,13 @@ from functools import partial
 from . import usb2ax
 from .faults import Faults
 from .group import GroupRead, group_read, group_writes, superpose
+from .hearing import Hearing
 from .plant import Plant
 from .protocol import (
     BROADCAST_ID,
     BadPacket,
-    Framer,
     Instruction,
     InstructionPacket,
-    Noise,
     StatusPacket,
     v1,
     v2,
@@ -75,8 +74,8 @@ class Bus:
         self.baud_rate = baud_rate
         self.plant_s = start_s  #: the instant up to which the plant has been advanced
         self._start_s = start_s
-        self._framer = Framer(protocol)
-        self._encode = v1.encode_status if protocol == 1.0 else v2.encode_status
+        self.hearing = Hearing(self, protocol, start_s)
+        self._frame = v1.status_frame if protocol == 1.0 else v2.status_frame
         self._events: list[tuple[float, int, Event]] = []
         self._order = itertools.count()
         self.uplink = Uplink(profile)
@@ -84,8 +83,6 @@ class Bus:
         self._last_byte_s = start_s  #: end of the last byte that a servo's receiver has seen
         self._out_start_s = start_s  #: when the host's last unbroken run begins on the wire
         self._reply_s = (start_s, start_s)  #: when the last reply begins and ends on the wire
-        self._heard = bytearray()  #: bytes of the host that are no whole packet yet
-        self._heard_s = start_s  #: when the first of them began
         for index, servo in enumerate(self.servos):
             self.schedule(
                 start_s + HOUSEKEEPING_S * index / len(self.servos),
@@ -102,7 +99,7 @@ class Bus:
             self._out_start_s = start_s
         self._out_free_s = start_s + len(data) * byte_s
         if start_s - self._last_byte_s > INTERBYTE_TIMEOUT_S[self.protocol]:
-            self._noise(self._framer.abort(), byte_s)
+            self.hearing.gap(byte_s)
         self._last_byte_s = self._out_free_s
         if self.profile.echo:
             self.uplink.carry(data, start_s, byte_s)
@@ -110,28 +107,7 @@ class Bus:
             self.counts.errors += 1
             self.tell(WireEventKind.COLLISION, start_s, self._out_free_s, data)
             return
-        self._listen(data, start_s, byte_s, self.faults)
-
-    def _listen(self, data: bytes, start_s: float, byte_s: float, faults: Faults | None) -> None:
-        """What the servos hear, unless ``faults`` let them hear something else."""
-        for index in range(len(data)):
-            if not self._heard:
-                self._heard_s = start_s + index * byte_s
-            self._heard += data[index : index + 1]
-            for packet in self._framer.feed(data[index : index + 1]):
-                if isinstance(packet, Noise):
-                    self._noise(packet, byte_s)
-                    continue
-                end_s = start_s + (index + 1) * byte_s
-                heard = bytes(self._heard)
-                self._heard.clear()
-                if faults is not None and isinstance(packet, InstructionPacket):
-                    struck = faults.instruction(packet, heard, self._heard_s)
-                    if struck is not heard:
-                        self._listen(struck, self._heard_s, byte_s, None)
-                        continue
-                self.tell(WireEventKind.INSTRUCTION, self._heard_s, end_s, heard)
-                self._take(packet, end_s)
+        self.hearing.hear(data, start_s, byte_s, self.faults)
 
     def next_deadline_s(self) -> float:
         """When something happens next: an event on the bus, or bytes for the host [s]."""
@@ -180,7 +156,8 @@ class Bus:
 
     # -- packets -------------------------------------------------------------------------------
 
-    def _take(self, packet: InstructionPacket | StatusPacket | BadPacket, end_s: float) -> None:
+    def take(self, packet: InstructionPacket | StatusPacket | BadPacket, end_s: float) -> None:
+        """A packet, good or bad, whose last bit was over at ``end_s``."""
         latch_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
         if isinstance(packet, BadPacket):
             self.counts.errors += 1
@@ -223,24 +200,26 @@ class Bus:
         if packet.servo_id != BROADCAST_ID:
             self._single(packet, end_s, now_s)
             return
-        servos = self._listening(now_s)
         writes = group_writes(packet, self.protocol)
         reads = group_read(packet, self.protocol)
         if writes is not None:
             wanted = {servo_id: (address, data) for servo_id, address, data in writes}
-            for servo in servos:
+            for servo in self._listening(now_s):
                 write = wanted.get(servo.servo_id)
                 if write is not None and servo.write(*write) is not None:
                     self.counts.errors += 1
         elif reads is not None and reads.fast:
             self._fast(reads, end_s, now_s)
         elif reads is not None:
-            self._chain(reads, 0, end_s, now_s)
+            done = 0
+            if self.profile.instant and self.faults is None:
+                done = self._chain_at_once(reads, end_s, now_s)
+            self._chain(reads, done, end_s, now_s)
         elif packet.instruction != Instruction.PING:
-            for servo in servos:
+            for servo in self._listening(now_s):
                 servo.execute(BROADCAST_ID, packet.instruction, packet.parameters, now_s)
         elif self.protocol == 2.0:
-            ids = sorted({servo.servo_id for servo in servos})
+            ids = sorted({servo.servo_id for servo in self._listening(now_s)})
             self._introduce(ids, end_s, end_s, now_s)
 
     def _introduce(self, ids: list[int], asked_s: float, before_s: float, now_s: float) -> None:
@@ -289,6 +268,32 @@ class Bus:
             return
         turn_s = end_s if self.profile.instant else end_s + self.profile.turnaround_s
         self.schedule(turn_s, partial(self._chain, reads, index + 1, end_s))
+
+    def _chain_at_once(self, reads: GroupRead, at_s: float, now_s: float) -> int:
+        """The turns up to the first odd one, where none takes time, as one run; how many."""
+        by_id: dict[int, list[Servo]] = {}
+        for servo in self.servos:
+            by_id.setdefault(servo.servo_id, []).append(servo)
+        frames: list[bytes] = []
+        for servo_id, address, length in reads.items:
+            found = by_id.get(servo_id, ())
+            if len(found) != 1 or not self._hears(found[0], now_s):
+                break
+            (servo,) = found
+            if not servo.supports(reads.instruction) or not servo.answers(Instruction.READ):
+                break
+            refusal, data = servo.read(address, length)
+            error = servo.error(refusal)
+            self.counts.errors += bool(error & 0x7F)
+            frames.append(self._frame(servo_id, error, data))
+        if frames:
+            self.counts.replies += len(frames)
+            for frame in frames:
+                self.tell(WireEventKind.STATUS, at_s, at_s, frame)
+            self._reply_s = max(self._reply_s, (at_s, at_s))
+            self._last_byte_s = max(self._last_byte_s, at_s)
+            self.uplink.carry(b"".join(frames), at_s, 0.0)
+        return len(frames)
 
     def _fast(self, reads: GroupRead, asked_s: float, now_s: float) -> None:
         """A fast read: one packet that the servos send in turn, each its own block, without a gap.
@@ -339,7 +344,7 @@ class Bus:
             self.counts.replies += 1
             self.counts.errors += bool(status.error & 0x7F)
             start_s = after_s + self.profile.reply_s(delay_s, chained=chained)
-            run = (start_s, self._encode(status))
+            run = (start_s, self._frame(status.servo_id, status.error, status.parameters))
             if self.faults is None:
                 runs.append(run)
             else:
@@ -385,14 +390,6 @@ class Bus:
         self.counts.replies += 1
         self._out_free_s = max(self._out_free_s, at_s)
         self.uplink.carry(data, at_s, 0.0)
-
-    def _noise(self, noise: Noise | None, byte_s: float) -> None:
-        if noise is not None:
-            self.counts.noise_bytes += len(noise.data)
-            end_s = self._heard_s + len(noise.data) * byte_s
-            self.tell(WireEventKind.NOISE, self._heard_s, end_s, noise.data)
-            self._heard_s = end_s
-            del self._heard[: len(noise.data)]
 
     def tell(self, kind: WireEventKind, start_s: float, end_s: float, data: bytes) -> None:
         """Say that the wire carries bytes from ``start_s`` to ``end_s``."""

@@ -135,8 +135,7 @@ class Servo:
     def listens(self, now_s: float) -> bool:
         """Whether it takes packets in: not so while it reboots or writes its EEPROM.
 
-        The bus asks this before it hands over anything at ``now_s``, which is also how
-        :meth:`read` and :meth:`write` know what time it is.
+        The bus asks before it hands over anything; so :meth:`read` and :meth:`write` know the time.
         """
         self._note(now_s)
         return now_s >= self._deaf_until_s
@@ -154,8 +153,13 @@ class Servo:
 
     def status(self, refusal: Refusal | None = None, parameters: bytes = b"") -> StatusPacket:
         """A status packet of this servo as it is now."""
-        error = error_byte(self.table.protocol, refusal, self.protection.alarms)
-        return StatusPacket(self.servo_id, error, parameters)
+        return StatusPacket(self.servo_id, self.error(refusal), parameters)
+
+    def error(self, refusal: Refusal | None) -> int:
+        """The error byte of a status packet of this servo as it is now."""
+        if refusal is None and not self.protection.alarms:
+            return 0
+        return error_byte(self.table.protocol, refusal, self.protection.alarms)
 
     # -- instructions ------------------------------------------------------------------------
 

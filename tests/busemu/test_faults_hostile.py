@@ -126,10 +126,10 @@ def test_a_long_run_of_faults_holds_no_more_than_a_short_one(model, tmp_path):
                     {"kind": "dead", "servo": 1, "for_s": 0.01}, "test", bench.robot
                 )
                 bench.faults.add(fault)
-            most = max(most, len(bench.bus._events) + len(bench.bus._heard))
+            most = max(most, len(bench.bus._events) + bench.bus.hearing.held)
         worst.append(most)
     assert worst[1] <= worst[0] + 5
-    assert bench.bus._framer.pending <= 1031
+    assert bench.bus.hearing.held <= 1031
     assert len(bench.faults.standing()) <= 256
     assert_answers(bench)
 
