@@ -46,6 +46,13 @@ def walk(
     plant: Annotated[
         str, typer.Option(help="With --virtual: what moves the joints, bullet or ideal.")
     ] = "bullet",
+    world: Annotated[
+        Path | None,
+        typer.Option(
+            help="With --virtual: what is around the robot (.toml): slopes, steps, soft or "
+            "slippery ground, a payload, pushes."
+        ),
+    ] = None,
     seconds: Annotated[float, typer.Option(help="How long to walk, after standing up.")] = 10.0,
     v_left: Annotated[
         float, typer.Option(help="Stride of the left legs; 1 is the normal one.")
@@ -78,10 +85,12 @@ def walk(
 
     from .recording import RecordingError, write
     from .recording.files import check_path
-    from .running import Steering, describe, walk_in
+    from .running import Steering, describe, noticed, walk_in
 
     if (port is None) is not virtual:
         fail("give either --port PATH or --virtual")
+    if world is not None and not virtual:
+        fail("--world goes with --virtual; give it to busemu serve for a port")
     if seconds <= 0:
         fail(f"--seconds must be more than 0, not {seconds:g}")
     steering = Steering(
@@ -93,7 +102,7 @@ def walk(
         described = load_robot(robot)
         if record is not None:
             check_path(record)
-        with _session(described, port, plant) as session:
+        with _session(described, port, plant, world) as session:
             try:
                 with _bar(described.name, seconds) as show:
                     report, finished = walk_in(session, steering, show)
@@ -115,7 +124,7 @@ def walk(
         typer.echo(f"recorded {record}")
     if failure is not None:
         fail(" ".join([str(failure), *getattr(failure, "__notes__", [])]))
-    for line in describe(report):
+    for line in (*describe(report), *noticed(session)):
         typer.echo(line)
     if not finished:
         typer.echo("interrupted; torque is off")
@@ -296,7 +305,9 @@ def timing(
         raise typer.Exit(130) from None
 
 
-def _session(robot: Robot, port: str | None, plant: str) -> AbstractContextManager[Session]:
+def _session(
+    robot: Robot, port: str | None, plant: str, world: Path | None
+) -> AbstractContextManager[Session]:
     from .running import in_process, on_port
 
     if port is not None:
@@ -304,7 +315,8 @@ def _session(robot: Robot, port: str | None, plant: str) -> AbstractContextManag
     makers = plants()
     if plant not in makers:
         fail(f"no plant named {plant!r}: use one of {', '.join(makers)}")
-    return nullcontext(in_process(robot, makers[plant](robot), load_profile(robot.timing)))
+    joints = makers[plant](robot, world=world)
+    return nullcontext(in_process(robot, joints, load_profile(robot.timing)))
 
 
 def demo(

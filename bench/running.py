@@ -127,3 +127,12 @@ def describe(report: WalkReport) -> list[str]:
     if report.torque_left_on:
         lines.append(f"torque may still be on: {', '.join(report.torque_left_on)}; cut the supply")
     return lines
+
+
+def noticed(session: Session, most: int = 8) -> list[str]:
+    """Falls, self-contacts and links on the ground, where the joints are in this process."""
+    events = getattr(session.bus.plant, "events", ()) if session.bus is not None else ()
+    lines = [f"noticed at {event}" for event in events[:most]]
+    if len(events) > most:
+        lines.append(f"and {len(events) - most} more events of the kind")
+    return lines

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from importlib.metadata import entry_points
+from pathlib import Path
 
 from .bus import Bus
 from .plant import Plant
@@ -49,13 +51,23 @@ def assemble(
     )
 
 
-def plants() -> dict[str, Callable[[Robot], Plant]]:
-    """Installed plants by name (entry-point group ``busemu.plants``), not yet imported."""
+def plants() -> dict[str, Callable[..., Plant]]:
+    """Installed plants by name (entry-point group ``busemu.plants``), not yet imported.
 
-    def lazily(name: str) -> Callable[[Robot], Plant]:
-        def make(robot: Robot) -> Plant:
+    Called with a robot and, where wanted, ``world``: the file of what is around it. Raises
+    :class:`RobotError` for a plant that has no world.
+    """
+
+    def lazily(name: str) -> Callable[..., Plant]:
+        def make(robot: Robot, world: Path | None = None) -> Plant:
             (entry,) = entry_points(group="busemu.plants", name=name)
-            plant: Plant = entry.load()(robot)
+            maker = entry.load()
+            options: dict[str, Path] = {}
+            if world is not None:
+                if "world" not in inspect.signature(maker).parameters:
+                    raise RobotError(f"plant {name} knows no world: leave --world off")
+                options["world"] = world
+            plant: Plant = maker(robot, **options)
             return plant
 
         return make

@@ -126,6 +126,14 @@ def serve_command(
             help="Keep the servos' EEPROM in this file (.toml), from one start to the next.",
         ),
     ] = None,
+    world: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FILE",
+            help="What is around the robot, with --plant bullet: slopes, steps, soft or slippery "
+            "ground, a payload, pushes (.toml, see sim/scene.py).",
+        ),
+    ] = None,
     observe: Annotated[
         list[str] | None,
         typer.Option(
@@ -182,6 +190,7 @@ def serve_command(
             each("--tcp", tcp, count),
             each("--device", device, count),
             each("--state", state, count),
+            each("--world", world, count),
             each("--observe", observe, count),
             each("--trace", trace, count),
             each("--faults", faults, count),
@@ -196,6 +205,7 @@ def serve_command(
                 tcp=tcp_of or None,
                 device=device_of or None,
                 state=_path(state_of),
+                world=_path(world_of),
                 observe=_path(observe_of),
                 trace=_path(trace_of),
                 faults=_path(faults_of),
@@ -210,6 +220,7 @@ def serve_command(
                 tcp_of,
                 device_of,
                 state_of,
+                world_of,
                 observe_of,
                 trace_of,
                 faults_of,

@@ -56,6 +56,7 @@ class Wanted:
     trace: Path | None = None
     trace_size: float = 64.0
     faults: Path | None = None
+    world: Path | None = None
     echo: bool = False
 
 
@@ -109,7 +110,7 @@ class Served:
     def make_joints(self) -> None:
         """Make the plant, which may take a while."""
         wanted = self.wanted
-        self._plant = plants()[wanted.plant](self.robot)
+        self._plant = plants()[wanted.plant](self.robot, world=wanted.world)
         if wanted.observe is not None:
             self._observation = Observation(wanted.observe, self.robot, self._plant)
 
