@@ -14,9 +14,10 @@ from typing import Any
 
 from busemu.tables import Robot
 from busemu.timing import load_profile
+from hal.legs import quantity
 
 from ..recording import Recording, read, write
-from ..recording.metadata import plain
+from ..recording.metadata import plain, source_of
 from ..running import Session, in_process, on_port
 from .experiment import Experiment, ExperimentError, Progress, Trial
 
@@ -43,6 +44,25 @@ class Campaign:
         """Where a trial's recording goes."""
         return self.folder / RECORDINGS / f"{trial.name}.parquet"
 
+    def facts(self, trial: Trial) -> dict[str, Any]:
+        """What a trial's recording says of its condition.
+
+        A robot that is served on a port lies on its belly and nobody can put a load on it.
+        Raises :class:`ExperimentError` for a trial that needs one.
+        """
+        facts = trial.facts()
+        if self.port is not None and source_of(self.port) == "real":
+            return facts
+        facts["supply_v"] = quantity(self.robot.document, "supply", "voltage_v")
+        if self.port is not None:
+            facts["support"] = "ground"
+            if trial.trunk_load_kg > 0.0:
+                raise ExperimentError(
+                    f"{trial.name}: a served robot takes no load of {trial.trunk_load_kg:g} kg: "
+                    "leave --port away, or use a real robot"
+                )
+        return facts
+
     def finished(self) -> dict[str, Recording]:
         """Recordings that are there already, by the name of their trial.
 
@@ -66,6 +86,8 @@ class Campaign:
         Raises :class:`ExperimentError`, :class:`hal.bus_errors.BusError`, ``RecordingError`` and
         ``KeyboardInterrupt``; trials finished until then are kept.
         """
+        for trial in self.trials:
+            self.facts(trial)  # refused before anything moves
         found = self.finished()
         prepared = ""
         for trial in self.trials:
@@ -84,7 +106,7 @@ class Campaign:
         path.parent.mkdir(parents=True, exist_ok=True)
         with self._session(trial) as session:
             added = self.experiment.run(session, trial, progress)
-            condition = {**trial.metadata(self.robot), **added}
+            condition = {**self.facts(trial), **added}
             recording = session.recording(trial.name, self.experiment.name, **condition)
         write(recording, path)
         return read(path)  # what is evaluated is what was written
@@ -107,7 +129,7 @@ class Campaign:
         """``recording`` if it is this trial's."""
         facts = recording.metadata
         condition = facts.get("condition", {})
-        wanted: Mapping[str, Any] = plain(trial.metadata(self.robot))
+        wanted: Mapping[str, Any] = plain(self.facts(trial))
         different = [key for key, value in wanted.items() if condition.get(key) != value]
         if recording.robot is None or recording.robot.name != self.robot.name:
             different.append("robot")

@@ -47,12 +47,11 @@ class Trial:
     trunk_load_kg: float = 0.0
     condition: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
 
-    def metadata(self, robot: Robot) -> dict[str, Any]:
-        """The recording's ``condition`` table."""
+    def facts(self) -> dict[str, Any]:
+        """The recording's ``condition`` table, as far as it is known beforehand."""
         return {
             "support": "suspended" if self.held else "ground",
             "payload_kg": self.trunk_load_kg,
-            "supply_v": float(robot.document["supply"]["voltage_v"]["value"]),
             "repeat": self.repeat,
             "seed": self.seed,
             **self.condition,

@@ -23,7 +23,7 @@ from busemu.tables import ControlTable, Robot, ServoMount
 from sim.drive.parameters import DriveParameters, read_drive
 from sim.entries import Section
 
-from ..recording import Recording
+from ..recording import Recording, RecordingError
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +83,9 @@ class TorqueSensor:
     @classmethod
     def of_recording(cls, recording: Recording, robot: Robot, joint: str) -> TorqueSensor:
         """The sensor of a joint with the registers that a recording's metadata and writes give."""
-        mount = robot.by_joint[joint]
+        mount = robot.by_joint.get(joint)
+        if mount is None:
+            raise RecordingError(recording.path, f"no joint {joint!r} on {robot.name}")
         servo = recording.metadata.get("servo", {}).get(str(mount.servo_id), {})
         registers = dict(servo.get("registers", {}))
         for servo_id, name, op in recording.by_series:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from busemu.tables import Robot
+from hal.legs import quantity
 
 from ..recording import JointTrack, Recording, joint_track
 from .experiment import ExperimentError
@@ -47,10 +48,23 @@ def condition(recording: Recording, key: str) -> Any:
 
 def span_s(recording: Recording, key: str) -> tuple[float, float]:
     """A span of the host's time [s] that ``condition`` gives: ``key = [from, to]``."""
+    (span,) = spans_s(recording, key, 1)
+    return span
+
+
+def spans_s(recording: Recording, key: str, count: int | None = None) -> list[tuple[float, float]]:
+    """Spans of the host's time [s]: ``key = [from, to, from, to]``, or just ``count`` of them."""
     found = condition(recording, key)
-    if not (isinstance(found, list) and len(found) == 2 and found[0] < found[1]):
-        raise ExperimentError(f"{recording.name}: condition {key} = {found!r} is not [from, to]")
-    return float(found[0]), float(found[1])
+    numbers = isinstance(found, list) and all(isinstance(t, int | float) for t in found)
+    spans = list(zip(found[::2], found[1::2], strict=False)) if numbers else []
+    whole = bool(spans) and 2 * len(spans) == len(found) and count in (None, len(spans))
+    if not whole or not all(start < end for start, end in spans):
+        raise ExperimentError(
+            f"{recording.name}: condition {key} = {found!r} must be [from, to"
+            + ("]" if count == 1 else ", from, to, ...]")
+            + ", in s on the clock of t_s"
+        )
+    return [(float(start), float(end)) for start, end in spans]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,8 +123,8 @@ def voltage_v(recording: Recording, servo_id: int, robot: Robot, t_s: Floats) ->
         if len(series.value):
             return np.interp(t_s, series.t_sample_s, series.value)
     given = recording.metadata.get("condition", {}).get("supply_v")
-    volts = robot.document["supply"]["voltage_v"]["value"] if given is None else given
-    return np.full(np.shape(t_s), float(volts))
+    volts = quantity(robot.document, "supply", "voltage_v") if given is None else float(given)
+    return np.full(np.shape(t_s), volts)
 
 
 def cut_at_s(recording: Recording, servo_id: int, span: tuple[float, float]) -> float | None:

@@ -29,7 +29,7 @@ from .experiment import RAW_DATA, Choice, Comparison, ExperimentError, Progress,
 from .lines import Line, fit_line
 from .motion import Motion, moving, observe, shutdown_registers
 from .position_error import TorqueSensor
-from .series import Floats, condition, rms, robot_of, samples
+from .series import Floats, condition, rms, robot_of, samples, spans_s
 
 #: The raised leg [rad]; assumed: clear of its neighbours, and light to turn.
 MAST = {"femur": 1.5, "tibia": 0.0}
@@ -287,11 +287,10 @@ def _points(
     recording: Recording, robot: Robot, joint: str
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Error [rad], true torque [N m], load as duty and voltage [V] of all spans of pressing."""
-    spans = condition(recording, "pressing_s")
     mount = robot.by_joint[joint]
     loads = recording.si(mount.servo_id, "present_load", "read")
     parts = []
-    for start_s, end_s in zip(spans[::2], spans[1::2], strict=True):
+    for start_s, end_s in spans_s(recording, "pressing_s"):
         found = samples(recording, robot, joint, (start_s, end_s))
         load = np.full(len(found.t_s), np.nan)
         inside = (loads.t_sample_s >= start_s) & (loads.t_sample_s <= end_s)

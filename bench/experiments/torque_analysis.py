@@ -172,10 +172,13 @@ class TorqueAnalysis:
         """What a reader should know."""
         found = []
         for kg in self.loads_kg:
-            peak = self.peak_of_stall("femur", kg)
+            peak_nm = self.peak_of_stall("femur", kg) * self.stall_nm
             cuts = self.shut_down(kg)
             what = f"shut down in {cuts} of {self.repeats} repeats" if cuts else "did not shut down"
-            found.append(f"+{kg:.3f} kg: femur of {self.leg} to {peak:.2f} x stall; it {what}")
+            found.append(
+                f"+{kg:.3f} kg: femur of {self.leg} to {peak_nm:.3f} N m, "
+                f"{peak_nm / self.stall_at_nm:.0%} of the stall torque at its voltage; it {what}"
+            )
         if self.others_shut_down:
             found.append(f"shut down as well: {', '.join(self.others_shut_down)}")
         return tuple(found)
