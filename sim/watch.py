@@ -1,8 +1,8 @@
 """Noticing what must not happen: a fall, a link that touches another, a link on the ground.
 
-A fall is named when the servos are on and the trunk touches the ground after it had been clear of
-it for :data:`STOOD_S`, or leans by more than :data:`LEANING_RAD`. A robot whose torque is off lies
-down; that is no fall.
+A fall is named when the servos are on and the trunk touches the ground after it had stood clear of
+it for :data:`STOOD_S`, or leans by more than :data:`LEANING_RAD`; it is over when the robot has
+stood for that long again. A robot whose torque is off lies down; that is no fall.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Watch:
         self.events: list[Event] = []
         self._feet = feet
         self._touched_s: dict[tuple[str, ...], float] | None = None  #: when they last touched
-        self._clear_since_s: float | None = None
+        self._upright_since_s: float | None = None  #: neither on the ground nor leaning
         self._fallen = False
 
     def look(self, t_s: float, contacts: Contacts, lean_rad: float, powered: bool) -> None:
@@ -80,14 +80,14 @@ class Watch:
 
     def _notice_fall(self, t_s: float, lying: bool, lean_rad: float, powered: bool) -> None:
         leaning = lean_rad > LEANING_RAD
-        stood = self._clear_since_s is not None and t_s - self._clear_since_s >= STOOD_S
+        stood = self._upright_since_s is not None and t_s - self._upright_since_s >= STOOD_S
+        if lying or leaning:
+            self._upright_since_s = None
+        elif self._upright_since_s is None:
+            self._upright_since_s = t_s
+        elif stood:
+            self._fallen = False
         if powered and not self._fallen and (leaning or (lying and stood)):
             self._fallen = True
             note = "on the ground" if lying else f"leans by {math.degrees(lean_rad):.0f} deg"
             self.events.append(Event(t_s, What.FALL, ("trunk",), note))
-        elif stood and not leaning and not lying:
-            self._fallen = False
-        if lying:
-            self._clear_since_s = None
-        elif self._clear_since_s is None:
-            self._clear_since_s = t_s
