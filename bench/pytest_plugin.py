@@ -1,4 +1,4 @@
-"""pytest: the fixture ``servo_bus``, for hardware-in-the-loop tests of a robot's own code.
+"""pytest: the fixtures ``servo_bus`` and ``faults``, for tests of a robot's own code.
 
 It comes with the package and is there in every test::
 
@@ -13,6 +13,8 @@ the test is over. They run in virtual time, in process, for code on dynamixel_sd
 ``wall=True``, with the mark ``busemu_wall`` or with ``pytest --busemu-wall`` they are
 pseudo-terminals in wall-clock time, for programs that open ``bus.path``.
 
+``faults`` lets things go wrong on it: ``faults.drop(servo=2, count=3)``.
+
 Nothing but pytest is imported until a test asks for a bus.
 """
 
@@ -24,7 +26,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from .testing import ServoBusMaker
+    from .testing import BusFaults, ServoBusMaker
 
 WALL_MARK = "busemu_wall"
 
@@ -81,3 +83,14 @@ def servo_bus(
         yield maker
     finally:
         maker.close()
+
+
+@pytest.fixture
+def faults(servo_bus: ServoBusMaker) -> BusFaults:
+    """Let things go wrong on the test's bus: ``faults.drop(servo=3, count=2)``.
+
+    With several buses, use ``bus.faults`` of each.
+    """
+    from .testing import BusFaults  # noqa: PLC0415 - not before a test asks for it
+
+    return BusFaults(lambda **asked: servo_bus.the_bus().ask("fault", **asked))

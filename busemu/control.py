@@ -20,7 +20,7 @@ import json
 import os
 import socket
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -107,27 +107,42 @@ class Control:
 
     def _answer(self, line: bytes) -> dict[str, Any]:
         try:
-            asked = json.loads(line)
-            return self._do(asked["do"], asked)
+            return carry_out(json.loads(line), self._faults, self._robot)
         except FaultError as error:
             return {"error": str(error)}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             return {"error": "this server does not understand the request"}
 
-    def _do(self, what: str, asked: dict[str, Any]) -> dict[str, Any]:
-        faults = self._faults
-        if what == "add":
-            fault = parse_fault(asked["fault"], "fault", self._robot)
-            return {"number": faults.add(fault), "words": str(fault)}
-        if what == "clear":
-            which = asked.get("which")
-            return {"ended": faults.clear(Kind(which) if isinstance(which, str) else which)}
-        return {"faults": [asdict(each) for each in faults.standing()]}
-
     def close(self) -> None:
         """Listen no more."""
         for one in (*self._listeners, *self._open):
             one.close()
+
+
+def carry_out(asked: Mapping[str, Any], faults: Faults, robot: Robot) -> dict[str, Any]:
+    """Do what a request asks for; the answer. Raises :class:`busemu.faults.FaultError`.
+
+    Nonsense raises ``ValueError``, ``KeyError`` or ``TypeError``.
+    """
+    what = asked["do"]
+    if what == "add":
+        fault = parse_fault(asked["fault"], "fault", robot)
+        return {"number": faults.add(fault), "words": str(fault)}
+    if what == "clear":
+        return {"ended": faults.clear(_which(asked.get("which")))}
+    if what == "list":
+        return {"faults": [asdict(each) for each in faults.standing()]}
+    raise ValueError(what)
+
+
+def _which(which: object) -> int | Kind | None:
+    if which is None or type(which) is int:
+        return which
+    known = {kind.value: kind for kind in Kind}
+    word = str(which).replace("-", "_")
+    if word not in known:
+        raise FaultError(f"clear: {which!r} is no number and no kind: use {', '.join(known)}")
+    return known[word]
 
 
 def _may_ask(asker: socket.socket) -> bool:

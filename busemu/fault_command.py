@@ -92,20 +92,12 @@ def fault(
     if what == "list":
         _show(_ask(port, {"do": "list"})["faults"])
     elif what == "clear":
-        ended = _ask(port, {"do": "clear", "which": _which(which)})["ended"]
+        number = int(which) if which is not None and which.isdecimal() else which
+        ended = _ask(port, {"do": "clear", "which": number})["ended"]
         typer.echo(f"ended {ended} fault{'' if ended == 1 else 's'}")
     else:
         answer = _ask(port, {"do": "add", "fault": {"kind": what, **given}})
         typer.echo(f"fault {answer['number']}: {answer['words']}")
-
-
-def _which(word: str | None) -> int | str | None:
-    if word is None or word.isdecimal():
-        return None if word is None else int(word)
-    kind = word.replace("-", "_")
-    if kind not in {each.value for each in Kind}:
-        fail(f"clear ends a fault by its number (busemu fault list) or a kind: {_KINDS}")
-    return kind
 
 
 def _ask(port: str | None, request: dict[str, Any]) -> dict[str, Any]:

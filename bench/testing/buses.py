@@ -14,13 +14,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from busemu.assemble import assemble
+from busemu.chance import seeded
 from busemu.clock import VirtualClock
+from busemu.faults import Faults
 from busemu.plant import Plant, ServoState
+from busemu.ports.port import plug_of
 from busemu.ports.sdk import SdkPort
 from busemu.tables import Robot, ServoMount
 from busemu.timing import Profile
 from busemu.trace import BusCounts
 
+from .faulting import BusFaults
 from .truth import Truth
 
 
@@ -60,7 +64,7 @@ class ServoBus(ABC):
         """Take the bus away. May be called twice."""
 
     @abstractmethod
-    def ask(self, question: str, **about: int) -> Mapping[str, Any]:
+    def ask(self, question: str, **about: Any) -> Mapping[str, Any]:
         """Ask :class:`bench.testing.truth.Truth` one of its questions."""
 
     def servo(self, servo_id: int) -> ServoView:
@@ -81,6 +85,11 @@ class ServoBus(ABC):
     def observe(self) -> dict[str, float]:
         """What an observer beside the robot sees (``mocap/base_x_m``): plant ``bullet`` only."""
         return dict(self.ask("observe"))
+
+    @property
+    def faults(self) -> BusFaults:
+        """What shall go wrong on this bus: ``bus.faults.drop(servo=3, count=2)``."""
+        return BusFaults(lambda **asked: self.ask("fault", **asked))
 
     @property
     def counts(self) -> BusCounts:
@@ -124,7 +133,8 @@ class VirtualServoBus(ServoBus):
         self.clock = VirtualClock()
         self.bus = assemble(robot, plant, profile)
         self._port = SdkPort(self.bus, self.clock)
-        self._truth = Truth(robot, self.bus)
+        faults = Faults(self.bus, robot, seeded(0), plug_of(self._port))
+        self._truth = Truth(robot, self.bus, faults)
 
     @property
     def port(self) -> SdkPort:
@@ -150,13 +160,13 @@ class VirtualServoBus(ServoBus):
         self.clock.sleep_until(self.clock.now_s() + seconds)
         self._catch_up()
 
-    def ask(self, question: str, **about: int) -> Mapping[str, Any]:
+    def ask(self, question: str, **about: Any) -> Mapping[str, Any]:
         """Ask for the truth at this instant."""
         self._catch_up()
         return self._truth.questions[question](**about)
 
     def _catch_up(self) -> None:
-        self._port.getBytesAvailable()  # what has arrived stays there for the program
+        self._port.catch_up()
         self.bus.advance_plant(self.clock.now_s())
 
     def close(self) -> None:

@@ -71,6 +71,15 @@ class ServoBusMaker:
         self._made.append(bus)
         return bus
 
+    def the_bus(self) -> ServoBus:
+        """The bus of a test that has one; otherwise :class:`ServoBusError`."""
+        if len(self._made) != 1:
+            raise ServoBusError(
+                "the fixture faults is for a test with one bus: "
+                + ("use bus.faults" if self._made else "make it first, with servo_bus(...)")
+            )
+        return self._made[0]
+
     def close(self) -> None:
         """Take all buses away, the last one first."""
         while self._made:

@@ -53,6 +53,7 @@ class PtyServoBus(ServoBus):
             self.close()
             raise
         self._path = served if link is None else str(link)
+        self._linked = link is not None
 
     @property
     def port(self) -> Any:
@@ -65,7 +66,9 @@ class PtyServoBus(ServoBus):
 
     @property
     def path(self) -> str:
-        """The serial device, or the link to it."""
+        """The serial device, or the link to it. After an unplug, the device may be another."""
+        if not self._linked:
+            self._path = str(self.ask("path")["path"])
         return self._path
 
     def now_s(self) -> float:
@@ -76,7 +79,7 @@ class PtyServoBus(ServoBus):
         """Sleep [s]."""
         time.sleep(seconds)
 
-    def ask(self, question: str, **about: int) -> Mapping[str, Any]:
+    def ask(self, question: str, **about: Any) -> Mapping[str, Any]:
         """Ask the server; what it answers was so within the last few milliseconds."""
         assert self._server.stdin is not None
         try:

@@ -11,10 +11,14 @@ import os
 import select
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from busemu.assemble import assemble, plants
+from busemu.chance import seeded
+from busemu.faults import Faults
+from busemu.ports.port import plug_of
 from busemu.ports.pty import LinkError, PtyPort
 from busemu.serve import Station, prepare_process, serve
 from busemu.tables import RobotError, TableError, load_robot
@@ -29,8 +33,8 @@ LOOK_EVERY_S = 0.002
 class Questions:
     """Answers what has come in on a descriptor; ``SystemExit`` when that has ended."""
 
-    def __init__(self, truth: Truth, descriptor: int) -> None:
-        self._truth = truth
+    def __init__(self, truth: Truth, path: Callable[[], str], descriptor: int) -> None:
+        self._questions = {**truth.questions, "path": lambda: {"path": path()}}
         self._descriptor = descriptor
         self._heard = b""
 
@@ -44,7 +48,7 @@ class Questions:
         *lines, self._heard = (self._heard + data).split(b"\n")
         for line in lines:
             asked = json.loads(line)
-            _say(self._truth.questions[asked.pop("question")](**asked))
+            _say(self._questions[asked.pop("question")](**asked))
 
 
 def _say(what: dict[str, Any]) -> None:
@@ -67,7 +71,9 @@ def main(robot: str, plant: str, timing: str, link: str | None = None) -> None:
         prepare_process()
         bus = assemble(described, joints, profile, start_s=time.monotonic())
         _say({"path": port.path})
-        questions = Questions(Truth(described, bus), sys.stdin.fileno())
+        faults = Faults(bus, described, seeded(0), plug_of(port))
+        truth = Truth(described, bus, faults)
+        questions = Questions(truth, lambda: port.path, sys.stdin.fileno())
         serve(Station(port, bus, LOOK_EVERY_S, questions))
     finally:
         port.close()

@@ -9,6 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 from busemu.bus import Bus
+from busemu.chance import seeded
+from busemu.control import carry_out
+from busemu.faults import FaultError, Faults, load_scenario
 from busemu.tables import Robot
 
 
@@ -19,8 +22,10 @@ class Truth:
     Each question is a method that takes and returns what JSON can hold.
     """
 
-    def __init__(self, robot: Robot, bus: Bus) -> None:
+    def __init__(self, robot: Robot, bus: Bus, faults: Faults) -> None:
         self._bus = bus
+        self._robot = robot
+        self._faults = faults
         self._servos = {
             mount.servo_id: servo for mount, servo in zip(robot.servos, bus.servos, strict=True)
         }
@@ -30,6 +35,7 @@ class Truth:
                 "state": self.state,
                 "counts": self.counts,
                 "observe": self.observe,
+                "fault": self.fault,
             }
         )
 
@@ -55,3 +61,21 @@ class Truth:
     def observe(self) -> dict[str, float]:
         """What an observer beside the robot sees: namespaced names to SI values."""
         return dict(self._bus.plant.observe())
+
+    def fault(self, **asked: Any) -> dict[str, Any]:
+        """Carry out a request for faults (:mod:`busemu.control`); ``error`` says what was wrong.
+
+        Besides: ``{"do": "seed", "seed": 7}`` for the faults to come, and ``{"do": "scenario",
+        "path": "faults.toml"}``.
+        """
+        try:
+            if asked["do"] == "seed":
+                self._faults.draw = seeded(asked["seed"])
+                return {}
+            if asked["do"] == "scenario":
+                scenario = load_scenario(asked["path"], self._robot)
+                self._faults.draw = seeded(scenario.seed)
+                return {"numbers": [self._faults.add(fault) for fault in scenario.faults]}
+            return carry_out(asked, self._faults, self._robot)
+        except FaultError as error:
+            return {"error": str(error)}

@@ -211,7 +211,7 @@ class _Asked:
     def servos(self) -> tuple[int, ...]:
         value = self._fields.get("servo", [])
         ids = value if isinstance(value, list) else [value]
-        known = ", ".join(map(str, self._robot.by_id))
+        known = ", ".join(map(str, sorted(self._robot.by_id)))
         for servo_id in ids:
             if type(servo_id) is not int or servo_id not in self._robot.by_id:
                 raise self._wrong(

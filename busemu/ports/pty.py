@@ -89,16 +89,15 @@ class PtyPort:
             fcntl.ioctl(self._slave, termios.TIOCNXCL)
 
     def close(self) -> None:
-        """Take the link away and close both ends."""
+        """Close both ends and take the link away."""
+        os.close(self._master)
         if self._away:
-            os.close(self._master)
             return
+        os.close(self._slave)
         if self.link is not None:
             _unlink_own(self.link, self.path)
         if self._guard is not None:
             self._guard.communicate()
-        os.close(self._master)
-        os.close(self._slave)
 
 
 def _check_link(link: Path) -> None:

@@ -45,9 +45,15 @@ class SdkPort:
         """Let the port be there again; the program has to open it anew."""
         self._away = False
 
+    def catch_up(self) -> None:
+        """Let happen what is due; what has arrived stays there for the program."""
+        self._waiting += self.bus.poll(self.clock.now_s())
+
     def _open(self) -> bool:
         if self._away:
             raise _serial_error(errno.ENOENT, f"could not open port {self.port_name}")
+        if self._lost:
+            self._waiting.clear()
         self.is_open, self._lost = True, False
         return True
 
@@ -92,7 +98,7 @@ class SdkPort:
 
     def getBytesAvailable(self) -> int:
         """Bytes that can be read now."""
-        self._waiting += self.bus.poll(self.clock.now_s())
+        self.catch_up()
         if self._lost:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
         return len(self._waiting)
