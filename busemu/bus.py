@@ -279,7 +279,7 @@ class Bus:
             found = by_id.get(servo_id, ())
             if len(found) != 1 or not self._hears(found[0], now_s):
                 break
-            (servo,) = found
+            servo = found[0]
             if not servo.supports(reads.instruction) or not servo.answers(Instruction.READ):
                 break
             refusal, data = servo.read(address, length)
@@ -290,8 +290,7 @@ class Bus:
             self.counts.replies += len(frames)
             for frame in frames:
                 self.tell(WireEventKind.STATUS, at_s, at_s, frame)
-            self._reply_s = max(self._reply_s, (at_s, at_s))
-            self._last_byte_s = max(self._last_byte_s, at_s)
+            self._reply_s, self._last_byte_s = (at_s, at_s), max(self._last_byte_s, at_s)
             self.uplink.carry(b"".join(frames), at_s, 0.0)
         return len(frames)
 
@@ -300,10 +299,14 @@ class Bus:
 
         As there is no gap, each looks at its registers when the instruction has come (assumed). A
         mute servo silences those after it, so the packet breaks off. A refused read sends zeros.
+        One that asks for more than a packet holds is nobody's (assumed).
         """
         byte_s = self.profile.byte_s(self.baud_rate)
         blocks: list[tuple[int, int, bytes]] = []
         delay_s = 0.0
+        if reads.fast_length > v2.MAX_LENGTH:
+            self.counts.errors += 1
+            return
         for servo_id, address, length in reads.items:
             servo = next(iter(self.addressed(servo_id, now_s)), None)
             able = servo is not None and servo.supports(reads.instruction)
@@ -317,7 +320,7 @@ class Bus:
             self.counts.replies += 1
             self.counts.errors += bool(error & 0x7F)
         if blocks:
-            mute = [(0, 0, bytes(length)) for _, _, length in reads.items[len(blocks) :]]
+            mute = [(0, 0, bytes(item[2])) for item in reads.items[len(blocks) :]]
             slices = v2.fast_status_slices([*blocks, *mute])[: len(blocks)]
             start_s = asked_s + self.profile.reply_s(delay_s)
             runs = [(start_s, b"".join(slices))]

@@ -28,6 +28,11 @@ class GroupRead:
         """Whether all servos answer in one packet."""
         return self.instruction in (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
 
+    @property
+    def fast_length(self) -> int:
+        """LENGTH of the packet that answers a fast read: 4 bytes a block, its data, and 1."""
+        return 1 + sum(4 + length for _, _, length in self.items)
+
 
 def group_writes(packet: InstructionPacket, protocol: float) -> list[Write] | None:
     """The writes of a sync or bulk write; ``None`` where the packet is neither."""

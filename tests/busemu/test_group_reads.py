@@ -5,11 +5,13 @@ import pytest
 from virtual_bus import IDEAL, OK, TIMEOUT, small_robot
 
 from busemu.assemble import assemble
+from busemu.bus import Bus
 from busemu.clock import VirtualClock
 from busemu.plant import ideal
 from busemu.ports.sdk import SdkPort
-from busemu.protocol import InstructionPacket, v1
+from busemu.protocol import InstructionPacket, v1, v2
 from busemu.tables import load_table
+from busemu.timing import load_profile
 
 IDS = tuple(range(1, 19))
 X = "XM430-W350"
@@ -69,6 +71,61 @@ def test_servos_without_fast_reads_are_silent():
     old = Sdk("XL-320", (1, 2))
     assert sync(old, (1, 2)).fastSyncRead() == TIMEOUT
     assert sync(old, (1, 2)).txRxPacket() == OK
+
+
+def test_a_fast_read_of_more_than_a_packet_holds_is_nobodys():
+    bulk = b"".join(bytes([i, 0, 0]) + (400).to_bytes(2, "little") for i in (1, 2, 3))
+    request = v2.encode_instruction(InstructionPacket(0xFE, 0x9A, bulk))
+    sdk = Sdk(X, (1, 2, 3))
+    sdk.bus.receive(request, 0.0)
+    assert sdk.bus.poll(0.1) == b""
+    assert sdk.bus.counts.errors == 1
+    fits = v2.encode_instruction(InstructionPacket(0xFE, 0x9A, bulk[:10]))
+    sdk.bus.receive(fits, 0.2)
+    assert len(sdk.bus.poll(0.3)) == 7 + 1 + 2 * (4 + 400)
+
+
+def answers_at_once(monkeypatch, model, request, *, one_by_one, **changes):
+    """What comes back in the profile without time, and the wire's account of it."""
+    if one_by_one:
+        monkeypatch.setattr(Bus, "_chain_at_once", lambda *_: 0)
+    wire = []
+    robot = small_robot(model, (1, 2, 3, 4))
+    instant = load_profile("instant")
+    bus = assemble(robot, ideal(robot), instant, start_s=1.0, on_wire=wire.append)
+    for name, (index, raw) in changes.items():
+        bus.servos[index].recall({name: raw}, {})
+        bus.servos[index].memory[name] = raw  # in RAM the start has put it back
+    bus.poll(1.0)
+    bus.receive(request, 1.0)
+    return bus.poll(1.0), wire, bus.counts
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"id": (2, 9)},  # a mute one
+        {"id": (2, 4)},  # two with one ID
+        {"status_return_level": (1, 0)},
+        {"baud_rate": (1, 0)},
+    ],
+)
+@pytest.mark.parametrize(
+    ("model", "request_"),
+    [
+        (X, v2.encode_instruction(InstructionPacket(0xFE, 0x82, b"\x84\0\4\0\1\2\3\4"))),
+        (X, v2.encode_instruction(InstructionPacket(0xFE, 0x82, b"\xff\0\4\xff\1\2"))),
+        ("XL-320", v2.encode_instruction(InstructionPacket(0xFE, 0x82, b"\0\0\4\0\4\2\3"))),
+        ("MX-64", v1.encode_instruction(InstructionPacket(0xFE, 0x92, b"\0\2\1\x24\1\2\x2b"))),
+    ],
+)
+def test_a_chain_without_time_is_what_its_turns_are_one_by_one(
+    monkeypatch, model, request_, changes
+):
+    at_once = answers_at_once(monkeypatch, model, request_, one_by_one=False, **changes)
+    one_by_one = answers_at_once(monkeypatch, model, request_, one_by_one=True, **changes)
+    assert at_once == one_by_one
 
 
 def test_a_fast_bulk_read_brings_different_registers():
