@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 
 from .model import read_model
+from .observer import Camera
 from .tree import PhysicalRobot
-from .world import Camera, Pixels, World
+from .world import Pixels, World
 
 SQUARE_M = 0.10
 OVERSAMPLING = 2  #: rendered so many times larger, then averaged

@@ -11,7 +11,6 @@ import contextlib
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from busemu.tables import Robot
 from .drive.kernel import Array
 from .drive.parameters import pack
 from .model import read_model
+from .observer import Camera, Frame, forces_seen, lean_rad, pose_seen
 from .quiet import quiet_stderr
 from .scene import Push, Scene, Slab, read_scene
 from .stability import LARGEST, stiffness_number, too_stiff
@@ -35,7 +35,6 @@ with quiet_stderr():  # it announces its build time
     import pybullet
 
 Pixels = NDArray[np.uint8]
-Frame = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 STEPS_PER_TICK = (1, 2, 4, 8)  #: hexapods take the first, rigs the first that is stable
 SUBSTEPS = 10  #: of the rotors within a step
@@ -45,17 +44,6 @@ FLOOR_M = 0.6  #: half the side of the ground that pictures show
 FLOOR_DEPTH_M = 0.005
 START_M = 0.4  #: slabs that come so close to the origin lift the robot that starts there; assumed
 HELD_HEIGHT_M = 0.5  #: of a trunk held in the air, so that no leg can reach the ground
-
-
-@dataclass(frozen=True, slots=True)
-class Camera:
-    """Where a picture is taken from (world frame) and its size; ``field_deg`` is up and down."""
-
-    eye_m: tuple[float, float, float]
-    target_m: tuple[float, float, float]
-    field_deg: float
-    width_px: int
-    height_px: int
 
 
 class World:
@@ -285,38 +273,15 @@ class World:
 
     def lean_rad(self) -> float:
         """Angle between the trunk's z axis and the ground's normal [rad]."""
-        x, y, _, _ = self.base()[1]
-        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+        return lean_rad(self.base()[1])
 
     def observe(self) -> dict[str, float]:
-        """Pose of the trunk frame and normal forces: by foot, on the rest, on itself by pair.
-
-        Yaw is the heading about +z, pitch the nose-up angle about x (right), roll the angle about
-        y (forward), positive with the right side down; all zero when level and facing +y.
-        """
-        seen = self._pose() if self._free else {}
-        found = self.contacts()
-        for body, leg in self._feet.items():
-            seen[f"contact/{leg}_n"] = found.ground_n.get(body, 0.0)
+        """Pose of the trunk frame and normal forces: see :mod:`sim.observer`."""
+        seen: dict[str, float] = {}
         if self._free:
-            seen["contact/trunk_n"] = sum(
-                force for body, force in found.ground_n.items() if body not in self._feet
-            )
-        seen["contact/self_n"] = sum(found.own_n.values())
-        for (one, other), force in found.own_n.items():
-            seen[f"contact/self/{one}/{other}_n"] = force
-        return seen
-
-    def _pose(self) -> dict[str, float]:
-        position, orientation = self.base()
-        r = pybullet.getMatrixFromQuaternion(orientation)
-        seen = dict(
-            zip(("mocap/base_x_m", "mocap/base_y_m", "mocap/base_z_m"), position, strict=True)
-        )
-        seen["mocap/base_roll_rad"] = math.atan2(-r[6], r[8])
-        seen["mocap/base_pitch_rad"] = math.asin(max(-1.0, min(1.0, r[7])))
-        seen["mocap/base_yaw_rad"] = math.atan2(-r[1], r[4])
-        return seen
+            position, orientation = self.base()
+            seen = pose_seen(position, pybullet.getMatrixFromQuaternion(orientation))
+        return seen | forces_seen(self.contacts(), self._feet, trunk=self._free)
 
     def photograph(self, camera: Camera) -> tuple[Pixels, NDArray[np.bool_]]:
         """What a camera sees: (height, width, 3) colours, and (height, width) where robot is.
