@@ -1,6 +1,7 @@
 """The catalogue: physics that can be switched on, one file an effect.
 
-Each module of this folder, except ``effect``, defines one ``EFFECT``; a new file is a new effect.
+Each module of this folder, except ``effect`` and ``__main__``, defines one ``EFFECT``; a new file is
+a new effect.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ __all__ = ["Effect", "Group", "Parameter", "Scope", "catalogue", "effect"]
 @cache
 def catalogue() -> MappingProxyType[str, Effect]:
     """All effects by name, sorted."""
-    names = sorted(m.name for m in pkgutil.iter_modules(__path__) if m.name != "effect")
+    found = (module.name for module in pkgutil.iter_modules(__path__))
+    names = sorted(name for name in found if name not in ("effect", "__main__"))
     modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
     return MappingProxyType({module.EFFECT.name: module.EFFECT for module in modules})
 
