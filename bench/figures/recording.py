@@ -119,8 +119,8 @@ def power_figure(recording: Recording) -> Figure | None:
 
 def thinned(t_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     """A line of at most some 20 000 points: where there are more, the extremes of equal spans."""
-    if len(t_s) <= MOST_POINTS:
-        return t_s, values
+    if len(t_s) <= MOST_POINTS or np.isnan(values).all():
+        return t_s[:MOST_POINTS], values[:MOST_POINTS]
     edges = np.linspace(0, len(t_s), MOST_POINTS // 2 + 1).astype(np.intp)[:-1]
     filled = np.where(np.isnan(values), np.nanmedian(values), values)
     low, high = np.minimum.reduceat(filled, edges), np.maximum.reduceat(filled, edges)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
-import io
 import json
 import zlib
 from collections.abc import Iterator
@@ -18,11 +18,12 @@ import pyarrow.csv
 from numpy.typing import NDArray
 
 from bench.recording import RecordingError
+from bench.recording.size import check_rows
 
 Floats = NDArray[np.float64]
 
-#: Largest foreign file that is read, uncompressed [bytes]; as an event table it takes a few times
-#: as much memory.
+#: Largest foreign file that is read, uncompressed [bytes]; as an event table it takes up to some
+#: twenty times as much memory, which is checked.
 LARGEST_BYTES = 256 << 20
 #: bytes that :func:`head` looks at
 HEAD_BYTES = 1 << 16
@@ -49,8 +50,8 @@ def head(path: Path) -> str:
     return _read(path, HEAD_BYTES).decode("utf-8-sig", errors="replace")
 
 
-def text(path: Path) -> str:
-    """A whole file as text, gzip or not.
+def content(path: Path) -> bytes:
+    """A whole file of UTF-8 text, unpacked, without a byte order mark.
 
     Raises :class:`RecordingError` for a file that is too large, broken or no text.
     """
@@ -62,18 +63,19 @@ def text(path: Path) -> str:
             "header, and import those",
         )
     try:
-        return data.decode("utf-8-sig")
+        data.decode("utf-8")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise RecordingError(
             path, f"line {line} is not UTF-8 text (byte {error.start}): is this the right file?"
         ) from None
+    return data.removeprefix(codecs.BOM_UTF8)
 
 
 def json_object(path: Path) -> dict[str, Any]:
     """A JSON file whose outermost value is an object. Raises :class:`RecordingError`."""
     try:
-        document = json.loads(text(path))
+        document = json.loads(content(path))
     except (json.JSONDecodeError, RecursionError, ValueError) as error:
         if isinstance(error, RecordingError):
             raise
@@ -166,21 +168,23 @@ def csv_table(path: Path) -> TextTable:
     Raises :class:`RecordingError` for no rows, a column that is there twice, and a row with more or
     fewer cells than the header.
     """
-    data = text(path)
+    data = content(path)
     bad: list[tuple[int | None, int, int]] = []
 
     def refuse(row: Any) -> str:
         bad.append((row.number, row.actual_columns, row.expected_columns))
         return "skip"
 
-    first = data.split("\n", 1)[0].rstrip("\r")
-    names = [name.strip() for name in next(iter(_split(first)), [])]
+    names = header(data.split(b"\n", 1)[0].decode())
+    if not names:
+        raise RecordingError(path, "no header: the first line must name the columns")
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:
         raise RecordingError(path, f"column {doubled[0]!r} is there twice: keep one of each")
+    check_rows(path, data.count(b"\n") * len(names))
     try:
         cells = pyarrow.csv.read_csv(
-            io.BytesIO(data.encode()),
+            pa.BufferReader(data),
             read_options=pyarrow.csv.ReadOptions(
                 use_threads=False, column_names=names, skip_rows=1, block_size=16 << 20
             ),

@@ -38,12 +38,12 @@ def test_a_virtual_walk_writes_a_recording_that_reads_back(tmp_path, suffix):
     [
         (["walk", "--robot", "marvin", "--port", "/dev/nowhere"], "/dev/nowhere"),
         (["walk", "--robot", "marvin"], "--virtual"),
-        (["walk", "--robot", "nobody", "--virtual"], "marvin, phantomx"),
+        (["walk", "--robot", "nobody", "--virtual"], "no robot named 'nobody': use one of "),
         (["walk", "--robot", "marvin", "--virtual", "--plant", "clay"], "bullet, ideal"),
         (["walk", "--robot", "marvin", "--virtual", "--seconds", "0"], "--seconds"),
         (["walk", "--robot", "marvin", "--virtual", "--v-left", "40"], "reach"),
         (["walk", "--robot", "marvin", "--virtual", "--record", "walk.txt"], "parquet"),
-        (["demo", "--robot", "nobody"], "marvin, phantomx"),
+        (["demo", "--robot", "nobody"], "no robot named 'nobody': use one of "),
     ],
 )
 def test_bad_words_get_one_clear_line_and_a_failure(words, says):

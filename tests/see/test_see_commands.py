@@ -97,7 +97,7 @@ def test_raw_bytes_are_understood(tmp_path):
         (["decode", "b'\\xf'"], "not a Python bytes literal"),
         (["decode", "--protocol", "3", "FF"], "--protocol is 1 or 2"),
         (["decode", "--model", "AX-99", "FF"], "AX-12A"),
-        (["decode", "--robot", "nobody", "FF"], "marvin, phantomx"),
+        (["decode", "--robot", "nobody", "FF"], "no robot named 'nobody': use one of "),
         (["decode", "/tmp"], "/tmp: Is a directory"),
         (["monitor", "/nowhere", "--once"], "/nowhere: No such file"),
         (["monitor", __file__, "--once"], "no trace"),

@@ -36,10 +36,11 @@ def check(recording: Recording) -> Iterator[Oddity]:
         )
         return
     yield from _short(recording)
-    silences = gaps(recording, READ)
+    silences = _apart(gaps(recording, READ))
     jumps = list(_jumps(recording, silences))
     yield from jumps
-    left = [gap for gap in silences if not any(gap.t_start_s == j.t_start_s for j in jumps)]
+    starts = [jump.t_start_s for jump in jumps]
+    left = [gap for gap in silences if gap.t_start_s not in starts]
     if left:
         longest = left[0]
         yield Oddity(
@@ -54,6 +55,19 @@ def check(recording: Recording) -> Iterator[Oddity]:
             count=len(left),
         )
     yield from _uneven(recording)
+
+
+def _apart(silences: tuple[Gap, ...]) -> tuple[Gap, ...]:
+    """Gaps that overlap as one: the longest, with all their series; longest first."""
+    found: list[Gap] = []
+    for gap in silences:
+        for place, other in enumerate(found):
+            if gap.t_start_s < other.t_end_s and other.t_start_s < gap.t_end_s:
+                found[place] = other._replace(series=other.series + gap.series)
+                break
+        else:
+            found.append(gap)
+    return tuple(found)
 
 
 def _short(recording: Recording) -> Iterator[Oddity]:
@@ -72,14 +86,16 @@ def _short(recording: Recording) -> Iterator[Oddity]:
 
 def _jumps(recording: Recording, silences: tuple[Gap, ...]) -> Iterator[Oddity]:
     """Gaps across which a moving joint moved as if no time had passed."""
+    told: set[Gap] = set()
     for series in channels(recording):
         if series.op != READ or series.name != "present_position" or not silences:
             continue
         counts, period_s = series.counts(), series.period_s
         for gap in silences:
-            if gap.length_s < JUMP_PERIODS * period_s:
+            if gap.length_s < JUMP_PERIODS * period_s or gap in told:
                 continue
-            i = int(np.searchsorted(series.t_s, gap.t_start_s, side="right")) - 1
+            middle_s = 0.5 * (gap.t_start_s + gap.t_end_s)
+            i = int(np.searchsorted(series.t_s, middle_s)) - 1
             if i < 4 or i + 5 >= len(counts):
                 continue
             before, after = np.diff(counts[i - 4 : i + 1]), np.diff(counts[i + 1 : i + 6])
@@ -87,6 +103,7 @@ def _jumps(recording: Recording, silences: tuple[Gap, ...]) -> Iterator[Oddity]:
             steady = abs(np.median(before) - np.median(after)) < 0.5 * abs(speed)
             moved = float(counts[i + 1] - counts[i])
             if steady and abs(speed) >= MOVING_COUNTS and abs(moved - speed) < 2.0 * abs(speed):
+                told.add(gap)
                 yield Oddity(
                     "clock_jump",
                     Weight.SERIOUS,

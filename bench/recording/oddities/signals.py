@@ -114,7 +114,8 @@ def glitches(series: Channel, counts: Floats) -> NDArray[np.intp]:
     usual = _wrapped(np.diff(x), turn)
     noise = 1.4826 * float(np.median(np.abs(usual - np.median(usual))))
     spread = float(np.percentile(np.abs(usual), 90.0))
-    limit = max(GLITCH_COUNTS * _step(x), GLITCH_RATIO * noise, 3.0 * spread)
+    step = _step(x) if series.name in LIVELY else 1.0
+    limit = max(GLITCH_COUNTS * step, GLITCH_RATIO * noise, 3.0 * spread)
     if turn is None:  # registers that may leap stay within what they usually span
         limit = max(limit, BEYOND * float(np.percentile(np.abs(x - np.median(x)), 99.0)))
     if series.register is not None and series.name in LIVELY:

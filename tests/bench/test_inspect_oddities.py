@@ -1,0 +1,292 @@
+"""Each oddity is found where it was put, and not where nothing is odd."""
+
+from math import pi
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from bench.recording import Oddity, Recording, Weight, oddities
+
+FORMAT = "busemu-recording/1"
+STEP_RAD = 2 * pi / 4096
+
+
+def joint(seconds=6.0, period_s=0.02, noise=0.7, **more):
+    """A servo that follows a sine a little late: goals, positions, duty, voltage; as columns."""
+    t = np.arange(0.0, seconds, period_s)
+    rng = np.random.default_rng(1)
+    goal = np.round(2048 + 300 * np.sin(2 * t))
+    position = np.round(2048 + 290 * np.sin(2 * t - 0.1) + rng.normal(0, noise, len(t)))
+    duty = np.round(0.1 * (goal - position) * 8)
+    columns = {
+        ("goal_position", "write"): (t, goal),
+        ("present_position", "read"): (t + 0.002, position),
+        ("present_pwm", "read"): (t + 0.003, np.where(duty < 0, duty + 65536, duty)),
+        ("present_input_voltage", "read"): (t + 0.004, np.round(50 + rng.normal(0, 0.3, len(t)))),
+    }
+    return {key: (times.copy(), raw.copy()) for key, (times, raw) in columns.items()} | more
+
+
+def recording(columns, **metadata):
+    parts = [
+        (
+            times,
+            np.where(op == "read", times + 0.001, np.nan) if len(times) else times,
+            raw,
+            name,
+            op,
+        )
+        for (name, op), (times, raw) in columns.items()
+    ]
+    t_s = np.concatenate([p[0] for p in parts])
+    order = np.argsort(t_s, kind="stable")
+    names = np.concatenate([np.full(len(p[0]), p[3]) for p in parts])[order]
+    table = pa.table(
+        {
+            "t_s": t_s[order],
+            "t_reply_s": np.concatenate([p[1] for p in parts])[order],
+            "servo_id": np.array([0 if "/" in name else 1 for name in names], dtype=np.int16),
+            "op": np.concatenate([np.full(len(p[0]), p[4]) for p in parts])[order],
+            "register": names,
+            "raw": np.concatenate([p[2] for p in parts])[order],
+        }
+    )
+    facts = {"format": FORMAT, "name": "sample", "robot": "xl330-pendulum"} | metadata
+    return Recording.checked(table, facts)
+
+
+def found(columns, kind, **metadata):
+    return [odd for odd in oddities(recording(columns, **metadata)).found if odd.kind == kind]
+
+
+def test_nothing_is_odd_about_a_plain_motion():
+    assert oddities(recording(joint(), condition={"supply_v": 5.0})).found == ()
+
+
+def test_every_oddity_says_what_where_why_and_what_to_do():
+    columns = joint()
+    columns["present_position", "read"][1][40] = 0
+    (odd,) = found(columns, "glitches")
+    assert isinstance(odd, Oddity)
+    assert odd.weight == Weight.WARNING
+    assert odd.servo_id == 1
+    assert odd.register == "present_position"
+    assert odd.t_start_s == pytest.approx(40 * 0.02 + 0.002)
+    table = recording(columns).table
+    assert table["raw"][odd.rows[0] - 1].as_py() == 0
+    assert table["register"][odd.rows[0] - 1].as_py() == "present_position"
+    assert odd.why
+    assert odd.advice
+    assert odd.where(0.0) == f"servo 1 present_position, 0.802 s, row {odd.rows[0]}"
+
+
+@pytest.mark.parametrize("places", [[40], [40, 41], [40, 90, 91, 200]])
+def test_one_or_two_bad_samples_are_glitches(places):
+    columns = joint()
+    columns["present_position", "read"][1][places] = 4000
+    (odd,) = found(columns, "glitches")
+    assert odd.count == len(places)
+
+
+def test_failed_reads_logged_as_a_constant_are_named():
+    columns = joint()
+    columns["present_position", "read"][1][[30, 80, 130, 180]] = 0
+    (odd,) = found(columns, "glitches")
+    assert "4 of them exactly 0" in odd.what
+
+
+def test_a_step_and_a_turn_of_the_encoder_are_no_glitches():
+    columns = joint(seconds=4.0)
+    times, raw = columns["present_position", "read"]
+    columns["present_position", "read"] = times, np.where(times > 2.0, raw + 700, raw)
+    assert not found(columns, "glitches")
+    turning = np.round(3000 + 20.0 * np.arange(len(times))) % 4096
+    columns["present_position", "read"] = times, turning
+    assert not found(columns, "glitches")
+    (odd,) = found(columns, "wraps")
+    assert odd.count == int((np.diff(turning) < 0).sum())
+
+
+def test_a_saturated_register_is_told_with_its_share():
+    columns = joint()
+    columns["present_pwm", "read"][1][100:130] = 885
+    columns["present_pwm", "read"][1][130:145] = 65536 - 885
+    (odd,) = found(columns, "saturated")
+    assert odd.count == 45
+    assert odd.t_start_s == pytest.approx(100 * 0.02 + 0.003)
+
+
+def test_a_joint_that_stays_while_goals_move_is_stuck():
+    columns = joint()
+    columns["present_position", "read"][1][:] = 2048
+    (odd,) = found(columns, "stuck")
+    assert odd.weight == Weight.SERIOUS
+
+
+def test_a_register_that_stays_while_the_joint_moves_is_stuck():
+    columns = joint()
+    columns["present_pwm", "read"][1][:] = 12
+    (odd,) = found(columns, "stuck")
+    assert (odd.register, odd.weight) == ("present_pwm", Weight.WARNING)
+
+
+def test_a_joint_at_rest_is_no_motion():
+    columns = joint()
+    for key in (("goal_position", "write"), ("present_position", "read")):
+        columns[key][1][:] = 2048
+    (odd,) = found(columns, "no_motion")
+    assert odd.weight == Weight.NOTE
+
+
+@pytest.mark.parametrize(
+    ("factor", "says"),
+    [(-1.0, "a sign is exchanged"), (180 / pi / 20, "degrees taken"), (pi / 180, "radians taken")],
+)
+def test_units_and_signs_that_differ_between_goal_and_position_are_found(factor, says):
+    columns = joint(noise=0.0)
+    shrink = 20.0 if factor > 1 else 1.0
+    for key, by in (
+        (("goal_position", "write"), 1 / shrink),
+        (("present_position", "read"), factor),
+    ):
+        times, raw = columns[key]
+        columns[key] = times, np.round(2048 + (raw - 2048) * by)
+    found_there = found(columns, "unit_mix_up")
+    assert [says in odd.what for odd in found_there] == [True]
+
+
+def test_a_held_register_is_told_with_its_pace():
+    columns = joint(seconds=20.0)
+    times, raw = columns["present_pwm", "read"]
+    held = raw[(np.arange(len(raw)) // 7) * 7]
+    del columns["present_pwm", "read"]
+    rng = np.random.default_rng(2)
+    held = rng.permutation(len(held))[(np.arange(len(raw)) // 7) * 7] % 300
+    columns["present_current", "read"] = times, held.astype(float)
+    (odd,) = found(columns, "held")
+    assert "every 140 ms only, read every 20.0 ms" in odd.what
+
+
+def test_values_in_coarse_steps_are_told_with_the_step():
+    columns = joint()
+    times, raw = columns["present_position", "read"]
+    speed = 50 * np.round(np.gradient(raw) * 2)
+    columns["present_velocity", "read"] = times, np.where(speed < 0, speed + 2**32, speed)
+    (odd,) = found(columns, "coarse_steps")
+    assert odd.register == "present_velocity"
+    assert "steps of 50 counts" in odd.what
+
+
+@pytest.mark.parametrize(
+    ("typed", "contradicted"), [(5.0, False), (4.9, False), (7.4, True), (4.5, True), (5.3, True)]
+)
+def test_a_typed_in_voltage_is_held_against_the_register(typed, contradicted):
+    assert (
+        bool(found(joint(), "supply_contradicted", condition={"supply_v": typed})) is contradicted
+    )
+
+
+def test_a_voltage_that_swings_is_told():
+    columns = joint()
+    times, raw = columns["present_input_voltage", "read"]
+    columns["present_input_voltage", "read"] = times, np.where(np.sin(2 * times) > 0.8, 45, raw)
+    (odd,) = found(columns, "supply_swings")
+    assert odd.what.startswith("4.5 to 5.1 V about 5.0 V")
+    assert np.sin(2 * odd.t_start_s) > 0.8
+
+
+def test_a_gap_in_reads_is_told_and_a_pause_of_writes_is_none():
+    columns = joint()
+    for key, (times, raw) in columns.items():
+        start_s, stop_s = (2.0, 4.0) if key[1] == "write" else (5.0, 5.3)
+        keep = (times < start_s) | (times > stop_s)
+        columns[key] = times[keep], raw[keep]
+    (odd,) = found(columns, "gaps")
+    assert odd.t_start_s == pytest.approx(4.99, abs=0.02)
+    assert odd.t_end_s == pytest.approx(5.31, abs=0.02)
+
+
+def test_a_clock_that_jumps_is_no_gap():
+    columns = joint()
+    for key, (times, raw) in columns.items():
+        columns[key] = np.where(times > 1.55, times + 3600.0, times), raw
+    (odd,) = found(columns, "clock_jump")
+    assert odd.weight == Weight.SERIOUS
+    assert "3600.0" in odd.what
+    assert not found(columns, "gaps")
+
+
+def test_uneven_and_repeated_times_are_told():
+    columns = joint()
+    rng = np.random.default_rng(3)
+    for key, (times, raw) in columns.items():
+        columns[key] = times + rng.uniform(0.0, 0.019, len(times)), raw
+    assert found(columns, "uneven_sampling")
+    columns = joint()
+    for key, (times, raw) in columns.items():
+        columns[key] = np.floor(times / 0.05) * 0.05, raw
+    assert found(columns, "repeated_times")
+
+
+def test_a_short_log_and_an_empty_one_are_told():
+    assert found(joint(seconds=0.3), "too_short")
+    assert not found(joint(seconds=0.7), "too_short")
+    empty = {key: (times[:0], raw[:0]) for key, (times, raw) in joint().items()}
+    assert found(empty, "empty")
+
+
+@pytest.mark.parametrize(
+    ("condition", "says"),
+    [
+        ({"payload_at_m": 100}, "in millimetres, write 0.1"),
+        ({"payload_at_m": 10.0, "payload_kg": 0.1}, "an arm of 10 m"),
+        ({"payload_kg": 490}, "in grams, write 0.49"),
+        ({"payload_kg": 19.0, "payload_at_m": 0.5}, "need 93.2 N m, the servo stalls at 0.52"),
+        ({"payload_kg": -0.1}, "no such quantity"),
+        ({"payload_kg": "heavy"}, "no such quantity"),
+        ({"supply_v": 7400}, "millivolts"),
+    ],
+)
+def test_metadata_that_cannot_be_true_is_serious(condition, says):
+    every = found(joint(), "impossible_metadata", condition=condition)
+    assert all(odd.weight == Weight.SERIOUS for odd in every)
+    assert any(says in f"{odd.what} {odd.advice}" for odd in every)
+
+
+def test_a_weight_that_the_servo_can_hold_is_not_odd():
+    told = {"payload_kg": 0.49, "payload_at_m": 0.1}
+    assert not found(joint(), "impossible_metadata", condition=told)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "says"),
+    [("imu/roll_rad", 40.0, "degrees?"), ("mocap/base_z_m", 350.0, "millimetres?")],
+)
+def test_namespaced_values_in_another_unit_are_found(name, values, says):
+    times = np.arange(0.0, 6.0, 0.02)
+    columns = joint() | {(name, "read"): (times, np.full(len(times), values))}
+    (odd,) = found(columns, "unit_mix_up")
+    assert says in odd.what
+    columns[name, "read"] = times, np.full(len(times), 0.5)
+    assert not found(columns, "unit_mix_up")
+
+
+def test_lost_replies_are_told_with_their_longest_run():
+    columns = joint()
+    columns["present_position", "read"][1][[10, 11, 12, 50]] = np.nan
+    (odd,) = found(columns, "lost_replies")
+    assert "4 of 300 reads" in odd.what
+    assert "at most 3 in a row" in odd.what
+    assert odd.weight == Weight.WARNING
+
+
+def test_the_gravest_come_first():
+    columns = joint()
+    columns["present_position", "read"][1][:] = 2048
+    columns["present_pwm", "read"][1][100:145] = 885
+    weights = [
+        odd.weight for odd in oddities(recording(columns, condition={"payload_kg": 90})).found
+    ]
+    assert weights == sorted(weights, reverse=True)
+    assert weights[0] == Weight.SERIOUS
