@@ -1,7 +1,7 @@
 """The catalogue: physics that can be switched on, one file an effect.
 
-Each module of this folder, except ``effect`` and ``__main__``, defines one ``EFFECT``; a new file is
-a new effect.
+Each module of this folder, except ``effect`` and ``__main__``, defines one ``EFFECT``; a new file
+is a new effect.
 """
 
 from __future__ import annotations

@@ -55,6 +55,13 @@ def changed(robot: Robot, *keys: Any, to: Any) -> Robot:
     return parse_robot(document, robot.path)
 
 
+def with_effect(robot: Robot, name: str, where: list[str], **values: float) -> Robot:
+    """The robot with an effect at the end of its file's."""
+    parameters = {key: {"value": value, "source": "assumed"} for key, value in values.items()}
+    table = {"name": name, "where": where, "parameters": parameters}
+    return changed(robot, "effect", to=[*robot.document.get("effect", []), table])
+
+
 def swing(world: World, joint: str, amplitude_rad: float) -> float:
     """Period [s] of the only joint of a rig let go from an amplitude, over two swings."""
     step_s = world.step_s

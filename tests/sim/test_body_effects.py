@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pybullet
 import pytest
-from sim_rigs import changed, hold, stand
+from sim_rigs import changed, hold, stand, with_effect
 
 from busemu.tables import Robot, load_robot
 from sim.effects import Effect, Group, catalogue
@@ -25,12 +25,6 @@ NAMES = {
     "link_mass", "payload", "com_offset", "foot_compliance", "foot_slip", "ground_compliance",
     "ground_tilt", "leg_geometry",
 }  # fmt: skip
-
-
-def with_effect(robot: Robot, name: str, where: list[str], **values: float) -> Robot:
-    parameters = {key: {"value": value, "source": "assumed"} for key, value in values.items()}
-    table = {"name": name, "where": where, "parameters": parameters}
-    return changed(robot, "effect", to=[*robot.document.get("effect", []), table])
 
 
 def trace(plant: BulletPlant, robot: Robot) -> list[Any]:
