@@ -1,0 +1,77 @@
+"""The servo check, and that its line is the one of the control table and the data sheet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from experiment_runs import ran
+
+from bench.experiments import EXPERIMENTS
+from bench.experiments.series import cut_at_s, spans_s
+from bench.experiments.servo_check import STRAIGHT
+from bench.recording import Recording
+
+
+@pytest.fixture(scope="module", params=["marvin", "phantomx"])
+def checked(request, tmp_path_factory):
+    return ran("servo-check", request.param, tmp_path_factory.mktemp("check"))
+
+
+def one_count(result):
+    """What one count of the position makes of a slope fitted over the straight part."""
+    span_rad = (STRAIGHT[1] - STRAIGHT[0]) * result.sensor.full_error_rad
+    return result.sensor.count_rad / span_rad
+
+
+def test_torque_grows_with_the_error_as_stall_torque_by_full_duty(checked):
+    _, result = checked
+    assert result.line.slope == pytest.approx(result.expected_slope_nm_rad, rel=one_count(result))
+    assert result.line.r2 > 0.99
+    # by hand: what the data sheet gives at this voltage, over the error that brings full duty
+    sheet = result.sensor.drive.data_sheet
+    by_hand = sheet.stall_torque_nm * result.supply_v / sheet.voltage_v
+    by_hand /= result.sensor.full_error_rad
+    friction = result.sensor.friction_nm / sheet.stall_torque_nm
+    punch = result.sensor.law.punch_duty
+    assert result.line.slope == pytest.approx(by_hand, rel=friction + punch + one_count(result))
+
+
+def test_torque_ends_at_the_stall_torque(checked):
+    _, result = checked
+    assert result.stall_nm == pytest.approx(result.expected_stall_nm, rel=0.02)
+    assert (
+        np.nanmax(np.abs(result.torque_nm)) < result.expected_stall_nm + result.sensor.friction_nm
+    )
+
+
+def test_the_two_ways_lie_apart_by_friction(checked):
+    _, result = checked
+    resolution = result.expected_slope_nm_rad * result.sensor.count_rad
+    assert result.friction_nm == pytest.approx(result.sensor.friction_nm, abs=0.5 * resolution)
+
+
+def test_the_load_register_shows_the_position_law(checked):
+    _, result = checked
+    gain = result.sensor.law.gain_ccw_per_rad
+    # a load is up to 130 ms old, 2 to 3 counts of the goal: half of it on either way cancels
+    assert result.gain_per_rad == pytest.approx(gain, rel=2.0 * one_count(result))
+
+
+def test_nothing_shuts_down(checked):
+    (recording,), result = checked
+    servo_id = recording.robot.by_joint[result.joint].servo_id
+    spans = spans_s(recording, "pressing_s")
+    assert len(spans) == 2
+    assert all(cut_at_s(recording, servo_id, span) is None for span in spans)
+    assert result.error_rad.min() < -result.sensor.full_error_rad
+    assert result.error_rad.max() > result.sensor.full_error_rad
+
+
+def test_without_an_observer_the_law_alone_is_found(checked):
+    (recording,), result = checked
+    names = recording.table["register"].to_pylist()
+    bus_only = recording.table.filter([not name.startswith("rig/") for name in names])
+    blind = EXPERIMENTS["servo-check"].evaluate([Recording.checked(bus_only, recording.metadata)])
+    assert blind.line is None
+    assert blind.comparisons() == ()
+    assert blind.gain_per_rad == result.gain_per_rad
