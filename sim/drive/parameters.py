@@ -26,6 +26,7 @@ from ..entries import Section
 from . import kernel
 from .kernel import Array
 
+COPPER_RISE_PER_K = 0.0039  #: of a winding's resistance
 DATA_SHEET_TOLERANCE = 0.25  #: assumed: spread of specimens and of fits worth believing
 
 
@@ -233,6 +234,9 @@ _FRICTION = {  # key: unit, lowest, highest
 def read_drive(section: Section) -> DriveParameters:
     """The drive of one servo model from its section of a robot file.
 
+    A gear without a stiffness is rigid: fine for rollouts of one joint, not for a physics engine. A
+    winding without a heat resistance stays cold.
+
     Raises :class:`sim.entries.PhysicsError` for what is missing, out of bounds or contradicts the
     data sheet.
     """
@@ -274,16 +278,24 @@ def read_drive(section: Section) -> DriveParameters:
         back_emf_v_s_rad=section.number("back_emf_v_s_rad", "V s/rad", 1e-3, 100.0, default=emf),
         rotor_inertia_kg_m2=rotor * ratio**2,
         friction=friction,
-        gear_stiffness_nm_rad=section.number("gear_stiffness_nm_rad", "N m/rad", 0.1, 1e5),
-        gear_damping_nm_s_rad=section.number("gear_damping_nm_s_rad", "N m s/rad", 0.0, 100.0),
+        gear_stiffness_nm_rad=section.number(
+            "gear_stiffness_nm_rad", "N m/rad", 0.1, 1e5, default=math.inf
+        ),
+        gear_damping_nm_s_rad=section.number(
+            "gear_damping_nm_s_rad", "N m s/rad", 0.0, 100.0, default=0.0
+        ),
         backlash_rad=section.number("backlash_rad", "rad", 0.0, 0.2, default=0.0),
         sensor_step_rad=section.number("sensor_step_rad", "rad", 0.0, 0.1, default=0.0),
-        velocity_full_scale_rad_s=section.number("velocity_full_scale_rad_s", "rad/s", 0.1, 1000.0),
+        velocity_full_scale_rad_s=section.number(
+            "velocity_full_scale_rad_s", "rad/s", 0.1, 1000.0, default=sheet.no_load_velocity_rad_s
+        ),
         velocity_gain_s_rad=section.number("velocity_gain_s_rad", "s/rad", 0.0, 100.0, default=0.0),
-        ambient_c=section.number("ambient_c", "degC", -40.0, 80.0),
-        heat_resistance_k_w=section.number("heat_resistance_k_w", "K/W", 0.0, 1000.0),
-        heat_time_constant_s=section.number("heat_time_constant_s", "s", 0.1, 1e5),
-        resistance_rise_per_k=section.number("resistance_rise_per_k", "1/K", 0.0, 0.01),
+        ambient_c=section.number("ambient_c", "degC", -40.0, 80.0, default=25.0),
+        heat_resistance_k_w=section.number("heat_resistance_k_w", "K/W", 0.0, 1000.0, default=0.0),
+        heat_time_constant_s=section.number("heat_time_constant_s", "s", 0.1, 1e5, default=100.0),
+        resistance_rise_per_k=section.number(
+            "resistance_rise_per_k", "1/K", 0.0, 0.01, default=COPPER_RISE_PER_K
+        ),
     )
     if problem := drive.check():
         raise section.fail(problem)

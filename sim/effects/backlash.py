@@ -5,7 +5,24 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from .effect import Effect, Group, Parameter, Scope, on_drives
+from ..drive.parameters import DriveParameters
+from .effect import Effect, Group, Parameter, Scope, Values, on_drives
+
+TOOTH_STIFFNESS_NM_RAD = 60.0  #: of teeth that touch, in a gear that is else rigid; assumed
+TOOTH_DAMPING_NM_S_RAD = 0.02  #: assumed: they hardly bounce
+
+
+def change(drive: DriveParameters, values: Values) -> DriveParameters:
+    """Widen the dead zone; a rigid gear gets teeth, which no rigid body may touch with."""
+    width = values["width_rad"]
+    if width > 0.0 and math.isinf(drive.gear_stiffness_nm_rad):
+        drive = replace(
+            drive,
+            gear_stiffness_nm_rad=TOOTH_STIFFNESS_NM_RAD,
+            gear_damping_nm_s_rad=TOOTH_DAMPING_NM_S_RAD,
+        )
+    return replace(drive, backlash_rad=drive.backlash_rad + width)
+
 
 EFFECT = Effect(
     name="backlash",
@@ -25,5 +42,5 @@ EFFECT = Effect(
             source="0.25 deg (XM540) to 1.3 deg (STS3215 under load), published measurements",
         ),
     ),
-    change=on_drives(lambda drive, values: replace(drive, backlash_rad=values["width_rad"])),
+    change=on_drives(change),
 )
