@@ -23,6 +23,17 @@ def test_the_example_in_virtual_time_sees_the_servo_arrive():
     assert not lines[0].endswith("position 600")
 
 
+def test_the_example_with_faults_meets_them_all_and_the_same_every_time():
+    first, second = (run(EXAMPLES / "bearing_faults.py") for _ in range(2))
+    assert first.returncode == 0, first.stderr
+    assert first.stdout == second.stdout
+    *seen, corrupt, drop, brown_out = first.stdout.splitlines()
+    assert "Incorrect status packet" in "".join(seen)
+    assert int(corrupt.split()[0]) > 0
+    assert drop.split()[:3] == ["2", "times:", "drop"]
+    assert brown_out.split()[:3] == ["1", "times:", "brown-out,"]
+
+
 @pytest.mark.pty
 def test_any_client_reads_all_servos_of_a_served_robot(tmp_path):
     link = tmp_path / "marvin"
