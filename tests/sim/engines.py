@@ -146,14 +146,15 @@ def draw(path: Path) -> None:
     for i, joint in enumerate(("coxa", "femur", "tibia")):
         (line,) = top.plot(t_s, bullet[:, i], label=joint)
         top.plot(t_s, same[:, i], "--", color="black", linewidth=0.7)
-        middle.plot(t_s, 1e12 * (bullet[:, i] - same[:, i]), color=line.get_color())
+        middle.plot(t_s, 1e15 * (bullet[:, i] - same[:, i]), color=line.get_color())
         bottom.plot(t_s, 1e3 * (bullet[:, i] - fine[:, i]), color=line.get_color())
     top.set_title(
         "One leg of Marvin on a stand: PyBullet (colour) and MuJoCo (dashes)", fontsize=10
     )
     top.set_ylabel("servo angle [rad]")
-    top.legend(ncols=3, frameon=False, loc="lower right")
-    middle.set_ylabel("difference\n[1e-12 rad]")
+    top.set_ylim(-2.3, 1.3)
+    top.legend(ncols=3, frameon=False, loc="upper left")
+    middle.set_ylabel("difference\n[1e-15 rad]")
     middle.set_title("to MuJoCo with the same integrator and the same step, 1 ms", fontsize=9)
     bottom.set_ylabel("difference\n[mrad]")
     bottom.set_title(
