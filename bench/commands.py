@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from pathlib import Path
@@ -166,6 +167,24 @@ def tap(
     group: Annotated[
         str, typer.Option(help="Name that recordings of one experiment share.")
     ] = "tap",
+    shadow: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT",
+            help="Run this emulated robot beside the real one, on the same instructions, and say "
+            "where their replies part.",
+        ),
+    ] = None,
+    shadow_plant: Annotated[
+        str, typer.Option(help="What moves the shadow's joints: bullet or ideal.")
+    ] = "bullet",
+    threshold: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="How far replies may be apart, in SI, by register or unit: rad=0.05.",
+        ),
+    ] = None,
 ) -> None:
     """Stand between any program and its real adapter, and record every register it touches.
 
@@ -177,6 +196,9 @@ def tap(
 
     Bytes pass at once in both directions; the baud rate is the program's. Ctrl-C ends the tap and
     writes the recording, as does unplugging the adapter. Look at it with `busemu inspect`.
+
+    With --shadow an emulated robot gets the same instructions at the same time, and the tap says
+    live which register of which servo is not what the emulated one has, and since when.
     """
     from busemu.ports.device import DeviceError, DeviceLostError, SerialDevice
     from busemu.ports.pty import LinkError, PtyPort
@@ -184,6 +206,7 @@ def tap(
 
     from .recording import RecordingError
     from .recording.files import check_path
+    from .shadow import Parting, ShadowError, parse_thresholds, shadow_of
     from .tapping import TapRecorder
 
     stop = threading.Event()
@@ -195,13 +218,23 @@ def tap(
         check_path(record)
         with closing(SerialDevice(device, described.baud_rate)) as adapter:
             with closing(PtyPort(link)) as port:
-                taps = TapRecorder(described, port, adapter)
+                told = RenewedLine()
+
+                def parted(parting: Parting) -> None:
+                    typer.echo(told.after + parting.words(begun_s))
+                    told.after = ""
+
+                beside = None
+                if shadow is not None:
+                    limits = parse_thresholds(threshold or [])
+                    beside = shadow_of(shadow, shadow_plant, described, parted, limits)
+                begun_s = time.monotonic()
+                taps = TapRecorder(described, port, adapter, beside)
                 typer.echo(f"{described.name}: tapping {device}, Protocol {described.protocol}")
                 typer.echo(f"port {port.path}" + (f" (also {link})" if link else ""))
                 typer.echo(f"try: busemu walk --robot {robot} --port {link or port.path}")
                 sys.stdout.flush()
                 prepare_process()
-                told = RenewedLine()
                 try:
                     taps.run(
                         stop.is_set,
@@ -212,13 +245,22 @@ def tap(
                     gone = error
             if taps.counts.rows:
                 taps.save(record, group)
-    except (RobotError, TableError, LinkError, DeviceError, RecordingError) as error:
+    except (
+        RobotError,
+        TableError,
+        LinkError,
+        DeviceError,
+        RecordingError,
+        ShadowError,
+    ) as error:
         fail(error)
     except OSError as error:
         fail(f"--record {record}: {os.strerror(error.errno or 0)}")
     counts = taps.counts
     what = f"recorded {record}: {counts.rows} rows, {counts.lost} values lost"
     typer.echo(told.after + (what if counts.rows else "nothing was read or written: no recording"))
+    for line in beside.summary(begun_s) if beside is not None else []:
+        typer.echo(line)
     if gone is not None:
         fail(gone)
 

@@ -1,6 +1,7 @@
 """Recording a real bus: a tap between an unmodified program and its adapter.
 
-The loop's first duty is to pass bytes on; it decodes only while nothing waits on either side.
+The loop's first duty is to pass bytes on; it decodes only while nothing waits on either side, and
+so it does with a shadow, an emulated bus that gets the same instructions.
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ from busemu.ports.device import SerialDevice
 from busemu.ports.pty import PtyPort
 from busemu.ports.tap import Chunk, Tap
 from busemu.tables import Robot
+from hal.access import Access
 
 from .recording import Recorder, write
 from .recording.metadata import of_robot, source_of
+from .shadow import Shadow
 from .wire_decoder import WireCounts, WireDecoder
 
 #: The loop looks so often whether it shall end [s].
 LOOK_S = 0.1
+#: With a shadow the loop waits no longer than this [s], and the joints go on by as much at once.
+SLICE_S = 0.001
 #: What passes is told once in this time [s].
 TELL_EVERY_S = 5.0
 
@@ -46,10 +51,17 @@ class Passing:
 class TapRecorder:
     """A tap on the bus of ``robot``: ``port`` for the program, ``device`` behind it."""
 
-    def __init__(self, robot: Robot, port: PtyPort, device: SerialDevice) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        port: PtyPort,
+        device: SerialDevice,
+        shadow: Shadow | None = None,
+    ) -> None:
         self.robot = robot
         self.rows = Recorder()
-        self._decoder = WireDecoder(robot.protocol, robot.tables, self.rows)
+        self._shadow = shadow
+        self._decoder = WireDecoder(robot.protocol, robot.tables, self._access)
         self._device = device
         self._tap = Tap(port, device)
         self._told = (time.monotonic(), 0, 0)
@@ -75,8 +87,12 @@ class TapRecorder:
         refused = ""
         try:
             while True:
-                if not self._tap.turn(0.0 if self._tap.passed else LOOK_S) and self._tap.passed:
-                    self._decode(self._tap.passed.popleft())
+                if not self._tap.turn(self._patience_s()):
+                    if self._tap.passed:
+                        self._decode(self._tap.passed.popleft())
+                    elif self._shadow is not None:
+                        until_s = min(time.monotonic(), self._shadow.now_s + SLICE_S)
+                        self._shadow.advance(until_s)
                 now_s = time.monotonic()
                 if now_s < look_s:
                     continue
@@ -109,7 +125,22 @@ class TapRecorder:
         )
         write(self.rows.recording(metadata), path)
 
+    def _patience_s(self) -> float:
+        """How long the loop may wait for bytes [s]."""
+        if self._tap.passed:
+            return 0.0
+        if self._shadow is None:
+            return LOOK_S
+        return min(SLICE_S, max(0.0, self._shadow.now_s + SLICE_S - time.monotonic()))
+
+    def _access(self, access: Access) -> None:
+        self.rows(access)
+        if self._shadow is not None:
+            self._shadow.seen(access)
+
     def _decode(self, chunk: Chunk) -> None:
+        if chunk.from_host and self._shadow is not None:
+            self._shadow.sent(chunk.data, chunk.t_s, self._device.baud_rate())
         take = self._decoder.sent if chunk.from_host else self._decoder.received
         take(chunk.data, chunk.t_s)
 

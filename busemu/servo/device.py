@@ -11,7 +11,7 @@ from ..protocol import BROADCAST_ID, Instruction, StatusPacket
 from ..tables import ControlTable, ServoMount
 from .backup import RESTORE, Backup
 from .indirect import Indirect, Run
-from .memory import Memory
+from .memory import Memory, baud_rate_code
 from .reading import Reading
 from .registers import behaviour
 from .shutdown import Protection
@@ -110,6 +110,12 @@ class Servo:
             self.memory[name] = raw
         self.backup.values = MappingProxyType(dict(backup))
         self._power_on()
+
+    def learn(self, name: str, raw: int) -> None:
+        """Have a register be as another servo of the model has it."""
+        self.memory[name] = raw
+        self._hear()
+        self._command()
 
     def _command(self) -> None:
         self._plant.command(self._plant_id, self._behaviour.command())
@@ -389,12 +395,3 @@ class Servo:
             self._command()
         if self.memory.has("hardware_error_status"):
             self.memory["hardware_error_status"] = self.protection.coded()
-
-
-def baud_rate_code(table: ControlTable, baud_rate: int) -> int:
-    """The value of the ``baud_rate`` register for a baud rate; ``ValueError`` if there is none."""
-    for code, rate in table.baud_rates.items():
-        if rate == baud_rate:
-            return code
-    known = ", ".join(str(rate) for rate in table.baud_rates.values())
-    raise ValueError(f"{table.model} cannot be set to {baud_rate} baud; it knows {known}")

@@ -159,3 +159,12 @@ class Memory:
         for offset, value in enumerate(data):
             if self._at[address + offset] is not None:
                 self._bytes[address + offset] = value
+
+
+def baud_rate_code(table: ControlTable, baud_rate: int) -> int:
+    """The value of the ``baud_rate`` register for a baud rate; ``ValueError`` if there is none."""
+    for code, rate in table.baud_rates.items():
+        if rate == baud_rate:
+            return code
+    known = ", ".join(str(rate) for rate in table.baud_rates.values())
+    raise ValueError(f"{table.model} cannot be set to {baud_rate} baud; it knows {known}")
