@@ -17,7 +17,7 @@ from busemu.tables import Robot
 
 from .model import read_model
 from .observer import Camera
-from .tree import PhysicalRobot
+from .tree import Body, PhysicalRobot
 from .world import Pixels, World
 
 SQUARE_M = 0.10
@@ -26,6 +26,7 @@ FIELD_DEG = 31.0
 SIDE_RAD = math.radians(-58.0)  #: where the camera stands, about +z from the x axis (right)
 ABOVE_RAD = math.radians(32.0)
 TARGET_UP = 0.35  #: share of the standing height that the camera looks at
+BEYOND_M = 0.15  #: what a rig's outermost link may reach beyond its joint; assumed
 LIGHT_SQUARE = np.array([236.0, 239.0, 243.0])
 DARK_SQUARE = np.array([198.0, 206.0, 216.0])
 SKY = np.array([250.0, 251.0, 253.0])
@@ -34,7 +35,7 @@ HAZE_M = (1.1, 2.6)  #: distance from the robot at which the ground begins to fa
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A robot at one instant.
+    """A robot at one instant; a rig's base stands at the origin, all zero.
 
     Trunk frame in the world, angles as ``observe()`` gives them (yaw the heading, pitch nose up,
     roll right side down); joint angles [rad] by joint name, in the joints' frame.
@@ -85,13 +86,28 @@ def render(
 
 
 def _reach_m(robot: PhysicalRobot) -> float:
+    if not robot.legs:
+        return BEYOND_M + max(_outward_m(robot, body) for body in robot.bodies)
     return max(
         math.hypot(leg.x_m, leg.y_m) + leg.foot_m(robot.neutral_rad)[0] for leg in robot.legs
     )
 
 
+def _outward_m(robot: PhysicalRobot, body: Body) -> float:
+    """How far a body's joint can be from the axis of a rig's base, with all stretched out."""
+    if body.parent is None:
+        return math.hypot(*body.at_m[:2])
+    return _outward_m(robot, robot.body(body.parent)) + math.hypot(*body.at_m)
+
+
+def _middle_m(robot: PhysicalRobot) -> float:
+    if not robot.legs:
+        return robot.bodies[0].at_m[2]
+    return TARGET_UP * robot.height_m(robot.neutral_rad)
+
+
 def _camera(robot: PhysicalRobot, reach_m: float, width: int, height: int) -> Camera:
-    up = TARGET_UP * robot.height_m(robot.neutral_rad)
+    up = _middle_m(robot)
     distance = 1.6 * reach_m / (math.tan(math.radians(FIELD_DEG) / 2) * min(width / height, 1.5))
     flat = distance * math.cos(ABOVE_RAD)
     return Camera(

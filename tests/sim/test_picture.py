@@ -63,3 +63,18 @@ def test_a_poses_quaternion_is_what_observe_reads_back() -> None:
     world.close()
     for key in ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"):
         assert seen[f"mocap/base_{key}"] == pytest.approx(getattr(pose, key)), key
+
+
+@pytest.mark.parametrize("name", ["pendulum", "marvin-leg", "arm"])
+def test_a_whole_rig_is_in_the_frame_and_moves(name: str) -> None:
+    robot = load_robot(name)
+    rest = read_physics(robot).posture(read_physics(robot).rest_rad)
+    turned = {joint: angle + 0.3 for joint, angle in rest.items()}
+    poses = [Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, joints) for joints in (rest, turned)]
+    frames = list(render(robot, poses, width_px=240, height_px=160))
+    for frame in frames:
+        saturation = frame.max(axis=2).astype(int) - frame.min(axis=2)
+        there = (saturation > 40) | (frame.max(axis=2) < 80)
+        assert there.sum() > 40
+        assert not np.concatenate([there[0], there[-1], there[:, 0], there[:, -1]]).any()
+    assert (frames[0] != frames[1]).any()
