@@ -20,7 +20,7 @@ from busemu.tables import ControlTable, load_table
 
 from .bam_loop import Log, Loop, find_loop, load_register
 from .rows import EventColumns, Floats, group_name, raw_of_counts, raw_of_si, whole
-from .source import checked_times, json_object
+from .source import LARGEST, bounded, checked_times, json_object
 
 NAME = "bam"
 SERVO_ID = 1
@@ -91,6 +91,18 @@ def _log(
     )
 
 
+def _fact(value: Any, key: str, path: Path) -> float:
+    """A number of the log's head. Raises :class:`RecordingError`."""
+    try:
+        if not isinstance(value, bool) and isinstance(value, int | float):
+            number = float(value)
+            if abs(number) <= LARGEST:
+                return number
+    except OverflowError:
+        pass
+    raise RecordingError(path, f"{key} {value!r:.40} is not a number")
+
+
 def _kp(document: Mapping[str, Any], gain: str | None, path: Path) -> int | None:
     kp = document.get("kp")
     if kp is None or gain is None:
@@ -121,9 +133,7 @@ def _column(entries: list[dict[str, Any]], name: str, path: Path) -> Floats:
             values[index] = np.nan if value is None else float(value)
         except OverflowError:
             values[index] = np.inf
-    if (wrong := np.flatnonzero(np.isinf(values))).size:
-        raise RecordingError(path, f"{name} is infinite", int(wrong[0]) + 1)
-    return values
+    return bounded(values, path, name)
 
 
 def _writes(events: EventColumns, table: ControlTable, log: Log, loop: Loop, path: Path) -> None:
@@ -178,9 +188,7 @@ def _metadata(
     ):
         if (value := document.get(key)) is None:
             continue
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise RecordingError(path, f"{key} {value!r:.40} is not a number")
-        condition[word] = float(value)
+        condition[word] = _fact(value, key, path)
     if trajectory := document.get("trajectory"):
         condition["trajectory"] = str(trajectory)
     registers = {"torque_enable": int(torque_on)}

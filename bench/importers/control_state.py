@@ -23,7 +23,7 @@ from bench.recording import Recording, RecordingError
 from busemu.tables import ControlTable, load_table
 
 from .rows import EventColumns, Floats, group_name, raw_of_counts
-from .source import TextTable, bare_name, csv_table
+from .source import LARGEST, TextTable, bare_name, csv_table
 
 NAME = "so101"
 MODEL = "STS3215"
@@ -199,8 +199,10 @@ def _lists(table: TextTable, name: str) -> Floats:
             raise RecordingError(
                 table.path, f"{name} has {len(row)} joints, the rows above {wanted}", number
             )
-        if np.isinf(row).any():
-            raise RecordingError(table.path, f"{name} is infinite", number)
+        if (np.abs(row) > LARGEST).any():
+            raise RecordingError(
+                table.path, f"{name} {cell[:40]!r} is nothing that was measured", number
+            )
         rows.append(row)
     values_found: NDArray[np.float64] = np.array(rows)
     return values_found

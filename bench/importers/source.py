@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 #: Largest foreign file that is read, uncompressed [bytes]; as an event table it takes up to some
 #: twenty times as much memory, which is checked.
 LARGEST_BYTES = 256 << 20
+#: no log has a number larger than this in any unit: nanoseconds since 1970 are 1.8e18
+LARGEST = 1e19
 #: bytes that :func:`head` looks at
 HEAD_BYTES = 1 << 16
 #: cells that mean "no value"
@@ -136,9 +138,7 @@ class TextTable:
             values = np.array(
                 [self._number(name, i, cell) for i, cell in enumerate(self.texts(name))]
             )
-        if (wrong := np.flatnonzero(np.isinf(values))).size:
-            raise RecordingError(self.path, f"{name} is infinite", int(wrong[0]) + 1)
-        return values
+        return bounded(values, self.path, name)
 
     def times(self, name: str, scale_s: float) -> Floats:
         """A column of times, ``scale_s`` seconds a unit; every row needs one."""
@@ -153,6 +153,15 @@ class TextTable:
                 f"{name} {cell[:40]!r} is not a number: correct the cell or take the row out",
                 index + 1,
             ) from None
+
+
+def bounded(values: Floats, path: Path, name: str) -> Floats:
+    """Give ``values`` back if none is beyond all that is measured. Raises as the others do."""
+    wrong = np.flatnonzero(np.abs(values) > LARGEST)
+    if wrong.size:
+        row = int(wrong[0])
+        raise RecordingError(path, f"{name} {values[row]:g} is nothing that was measured", row + 1)
+    return values
 
 
 def checked_times(times_s: Floats, path: Path, name: str) -> Floats:
