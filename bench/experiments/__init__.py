@@ -1,8 +1,8 @@
 """The thesis's four experiments, run over the bus by the robot's own software.
 
 ``experiment`` (what one is), ``campaign`` (run and resume), ``report`` (what it leaves), one module
-an experiment, ``figures`` (what they draw). What they share: ``motion`` (moving a robot),
-``position_error`` (torque from joint data), ``series`` (what is asked of a recording),
+an experiment and one its result, ``figures`` (what they draw). What they share: ``motion`` (moving
+a robot), ``position_error`` (torque from joint data), ``series`` (what is asked of a recording),
 ``gait_phase``, ``steps``, ``lines``.
 """
 

@@ -47,21 +47,32 @@ class Campaign:
     def facts(self, trial: Trial) -> dict[str, Any]:
         """What a trial's recording says of its condition.
 
-        A robot that is served on a port lies on its belly and nobody can put a load on it.
-        Raises :class:`ExperimentError` for a trial that needs one.
+        A robot that is served on a port lies on its belly. The supply of a real one is not known
+        but for what its servos measure.
         """
         facts = trial.facts()
-        if self.port is not None and source_of(self.port) == "real":
-            return facts
-        facts["supply_v"] = quantity(self.robot.document, "supply", "voltage_v")
-        if self.port is not None:
+        if self._served:
             facts["support"] = "ground"
-            if trial.trunk_load_kg > 0.0:
-                raise ExperimentError(
-                    f"{trial.name}: a served robot takes no load of {trial.trunk_load_kg:g} kg: "
-                    "leave --port away, or use a real robot"
-                )
+        if self.port is None or self._served:
+            facts["supply_v"] = quantity(self.robot.document, "supply", "voltage_v")
         return facts
+
+    def preparation(self, trial: Trial) -> str:
+        """What a person must do before a trial on a port, in words."""
+        if not self._served:
+            return self.experiment.preparation(self.robot, trial)
+        serve = f"busemu serve --robot {self.robot.name} --link {self.port}"
+        if not trial.trunk_load_kg:
+            return f"Start the emulated robot anew: {serve}"
+        return (
+            f"Start the emulated robot anew: {serve} --world FILE, whose [payload] has "
+            f"mass_kg = {trial.trunk_load_kg:g} and at_m = [0, 0, 0]"
+        )
+
+    @property
+    def _served(self) -> bool:
+        """Whether the robot is an emulated one in another process."""
+        return self.port is not None and source_of(self.port) == "emulator"
 
     def finished(self) -> dict[str, Recording]:
         """Recordings that are there already, by the name of their trial.
@@ -81,21 +92,26 @@ class Campaign:
         """Run the trials that are not there yet; all recordings, in the order of the trials.
 
         ``progress`` is called for each trial that runs. ``confirm``, with a port, is asked before
-        the first trial and whenever what is to be prepared changes.
+        the first trial and whenever what is to be prepared changes; without it the robot must be
+        prepared, and in one way for all trials.
 
         Raises :class:`ExperimentError`, :class:`hal.bus_errors.BusError`, ``RecordingError`` and
         ``KeyboardInterrupt``; trials finished until then are kept.
         """
-        for trial in self.trials:
-            self.facts(trial)  # refused before anything moves
         found = self.finished()
-        prepared = ""
-        for trial in self.trials:
-            if trial.name in found:
-                continue
-            words = self.experiment.preparation(self.robot, trial)
-            if self.port is not None and confirm is not None and words != prepared:
-                if not confirm(words):
+        left = [trial for trial in self.trials if trial.name not in found]
+        prepared: str | None = None
+        if self.port is not None and confirm is None:
+            different = {self.preparation(trial) for trial in left}
+            if len(different) > 1:
+                raise ExperimentError(
+                    f"the robot has to be prepared {len(different)} times in between, and nobody "
+                    "would be asked: leave --yes away"
+                )
+        for trial in left:
+            if self.port is not None and confirm is not None:
+                words = self.preparation(trial)
+                if words != prepared and not confirm(words):
                     raise ExperimentError("stopped before anything moved; nothing is switched on")
                 prepared = words
             found[trial.name] = self._run(trial, progress(trial))

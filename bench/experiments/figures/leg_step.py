@@ -13,7 +13,7 @@ from bench.figures.style import GOAL, MEASURED, MODELLED, styled
 from hal.legs import PARTS
 
 if TYPE_CHECKING:
-    from ..leg_step import LegStep
+    from ..leg_step_result import LegStep
 
 #: What is drawn before the goal [s], and how much of the time after it: the rest is rest.
 BEFORE_S, SHOWN_S = 0.03, 0.5

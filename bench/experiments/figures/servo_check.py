@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, STANCE, styled
 
 if TYPE_CHECKING:
-    from ..servo_check import ServoCheck
+    from ..servo_check_result import ServoCheck
 
 #: Points beyond these are thinned out: their dots would hide each other.
 MOST_DOTS = 4000

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, START, STOP, styled
 
 if TYPE_CHECKING:
-    from ..torque_analysis import TorqueAnalysis
+    from ..torque_analysis_result import TorqueAnalysis
 
 LOAD_COLOURS = (START, MEASURED, MODELLED)
 

@@ -179,10 +179,15 @@ def test_a_person_is_asked_before_anything_moves(tmp_path):
     assert "stand" in asked[0]
 
 
-def test_a_served_robot_is_not_said_to_carry_a_load(tmp_path):
-    served = replace(campaign("torque-analysis", "marvin", tmp_path), port="/dev/pts/0")
-    with pytest.raises(ExperimentError, match=r"no load of 0.092 kg"):
-        served.run(quiet)
+def test_nobody_is_asked_only_where_one_preparation_does(tmp_path):
+    for port in ("/dev/nowhere", "/dev/pts/0"):
+        loaded = replace(campaign("torque-analysis", "marvin", tmp_path), port=port)
+        assert len({loaded.preparation(trial) for trial in loaded.trials}) == 3
+        with pytest.raises(ExperimentError, match="prepared 3 times in between"):
+            loaded.run(quiet)
+
+
+def test_a_recording_claims_no_stand_and_no_voltage_that_nobody_saw(tmp_path):
     held = replace(leg_steps(tmp_path), port="/dev/pts/0")
     assert held.facts(held.trials[0])["support"] == "ground"
     real = replace(leg_steps(tmp_path), port="/dev/ttyUSB0")
