@@ -21,7 +21,7 @@ from busemu.tables import Robot
 
 from .drive.kernel import Array
 from .drive.parameters import pack
-from .model import read_model
+from .model import additions, read_model
 from .observer import Camera, Frame, forces_seen, lean_rad, pose_seen
 from .quiet import quiet_stderr
 from .scene import Push, Scene, Slab, read_scene
@@ -36,7 +36,7 @@ with quiet_stderr():  # it announces its build time
 
 Pixels = NDArray[np.uint8]
 
-STEPS_PER_TICK = (1, 2, 4, 8)  #: hexapods take the first, rigs the first that is stable
+STEPS_PER_TICK = (1, 2, 4, 8)  #: the first that is stable; a plain hexapod takes the first of all
 SUBSTEPS = 10  #: of the rotors within a step
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 LIGHT = (0.6, -0.5, 1.6)  #: where the light of pictures comes from
@@ -334,7 +334,8 @@ class BulletPlant(SteppedPlant):
 
     A hexapod starts lying on its belly in the posture ``[rest]`` of its file, torque off. ``held``
     fixes the trunk in the air, ``trunk_load_kg`` is added to the trunk. A rig's base is always
-    fixed, and where a light load on a stiff gear asks for it, its steps are shorter.
+    fixed. Where light links on a stiff gear ask for it, the steps of a rig, or of a hexapod with
+    effects, are shorter; a hexapod whose own file does so is refused.
     ``condition`` are words of a recording (:func:`sim.condition.under`), ``scene`` is what is
     around the robot. Falls, self-contacts and links on the ground are in ``events``. Raises
     :class:`sim.entries.PhysicsError` when the file's physics cannot be used or is too stiff for
@@ -361,7 +362,7 @@ class BulletPlant(SteppedPlant):
         )
         try:
             choices = (steps_per_tick,) if steps_per_tick else STEPS_PER_TICK
-            if steps_per_tick is None and physical.trunk is not None:
+            if not steps_per_tick and physical.trunk is not None and not additions(robot):
                 choices = STEPS_PER_TICK[:1]
             chosen = self._stable(choices, str(robot.path))
             self.world.set_step(TICK_S / chosen)

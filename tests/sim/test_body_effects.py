@@ -233,6 +233,15 @@ def test_link_mass_scales_what_it_names() -> None:
     assert heavy.trunk_mass.mass_kg == pytest.approx(1.2 * base.trunk_mass.mass_kg)
 
 
+def test_a_robot_found_lighter_than_believed_gets_shorter_steps(make: Make) -> None:
+    robot = load_robot("phantomx")
+    light = make(with_effect(robot, "link_mass", [], scale=0.8))
+    assert make(robot).step_s == 0.001
+    assert light.step_s == 0.0005
+    stand(light, robot, 3.0)
+    assert light.observe()["contact/trunk_n"] == 0.0
+
+
 def test_an_offset_of_the_centre_of_mass_moves_where_a_pendulum_hangs() -> None:
     rig = changed(load_robot("pendulum"), "payload", to=None)
     base = one_joint_load(read_physics(rig))
