@@ -125,12 +125,20 @@ class Batch:
         arrays, _, jobs = self._jobs(candidates, replays)
         arrays.params[kernel.ZERO_OFFSET] = 0.0
         arrays.params[kernel.WAVE] = 0.0
-        duties = []
-        for j, r in enumerate(replays):
-            out = np.full(len(self.replays[r].samples), np.nan)
-            kernel.regulate(arrays, jobs, sensed_rad[j], TICK_S, j, out)
-            duties.append(out)
-        return duties
+        longest = max(len(self.replays[r].samples) for r in replays)
+        out = np.full((len(candidates), longest), np.nan)
+        sensed = np.zeros_like(out)
+        for j, angles in enumerate(sensed_rad):
+            sensed[j, : len(angles)] = angles
+        tasks = [
+            _pool(self._threads).submit(
+                kernel.regulate, arrays, jobs, sensed, TICK_S, first, last, out
+            )
+            for first, last in self._parts(len(candidates))
+        ]
+        for task in tasks:
+            task.result()
+        return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
 
     def _jobs(
         self, candidates: Sequence[Candidate], replays: Sequence[int]
@@ -168,17 +176,20 @@ class Batch:
     def _share(self, arrays: Arrays, loads: Array, jobs: Jobs, out: Array) -> None:
         soft = bool(np.isfinite(arrays.params[kernel.GEAR_STIFFNESS]).any())
         substeps = GEAR_SUBSTEPS if soft else RIGID_SUBSTEPS
-        count = len(jobs.recording)
-        parts = max(1, min(count, 4 * self._threads))
-        ends = [count * k // parts for k in range(parts + 1)]
         tasks = [
             _pool(self._threads).submit(
                 kernel.rollout, arrays, loads, jobs, TICK_S, substeps, first, last, out
             )
-            for first, last in itertools.pairwise(ends)
+            for first, last in self._parts(len(jobs.recording))
         ]
         for task in tasks:
             task.result()
+
+    def _parts(self, count: int) -> list[tuple[int, int]]:
+        """Jobs dealt to the threads, a few parts each."""
+        parts = max(1, min(count, 2 * self._threads))
+        ends = [count * k // parts for k in range(parts + 1)]
+        return list(itertools.pairwise(ends))
 
 
 @cache

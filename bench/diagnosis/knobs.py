@@ -16,9 +16,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from sim.drive import kernel
 from sim.effects import Effect, Parameter, Scope, catalogue
 from sim.robot import PhysicalRobot
-from sim.rollout import Load
+from sim.rollout import Candidate, Load
 
 OUTSIDE = frozenset(
     {
@@ -82,7 +83,7 @@ class Knob:
         if self.logarithmic:
             return min(p.high, max(p.low, p.typical * math.exp(z)))
         if self.inverse:
-            return p.off if z <= 0.0 else self.unit / z
+            return p.off if z * p.high <= self.unit else max(p.low, self.unit / z)
         sign = -1.0 if p.typical < p.off else 1.0
         return min(p.high, max(p.low, p.off + sign * self.unit * z))
 
@@ -97,98 +98,75 @@ class Knob:
 
 @dataclass(frozen=True, slots=True)
 class Nuisance:
-    """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``."""
+    """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``.
+
+    ``change`` takes a candidate of its own and what is added, and changes or replaces it.
+    """
 
     name: str
     unit: str
     deviation: float
     source: str
-    robot: Callable[[PhysicalRobot, float], PhysicalRobot] | None = None
-    load: Callable[[Load, float], Load] | None = None
+    change: Callable[[Candidate, float], Candidate]
 
 
-def _drives(robot: PhysicalRobot, **scales: float) -> PhysicalRobot:
-    joints = tuple(
-        replace(
-            joint,
-            drive=replace(
-                joint.drive, **{name: getattr(joint.drive, name) * s for name, s in scales.items()}
-            ),
-        )
-        for joint in robot.joints
-    )
-    return replace(robot, joints=joints)
+def _scaled(*fields: int) -> Callable[[Candidate, float], Candidate]:
+    def change(candidate: Candidate, x: float) -> Candidate:
+        for field in fields:
+            candidate.drive[field] *= max(0.0, 1.0 + x)
+        return candidate
+
+    return change
 
 
-def _friction(robot: PhysicalRobot, name: str, scale: float) -> PhysicalRobot:
-    joints = []
-    for joint in robot.joints:
-        level = getattr(joint.drive.friction, name) * max(0.0, scale)
-        friction = replace(joint.drive.friction, **{name: level})
-        joints.append(replace(joint, drive=replace(joint.drive, friction=friction)))
-    return replace(robot, joints=tuple(joints))
+def _zero(candidate: Candidate, x: float) -> Candidate:
+    candidate.drive[kernel.ZERO_OFFSET] += x
+    return candidate
 
 
-def _torque_constant(robot: PhysicalRobot, x: float) -> PhysicalRobot:
-    return _drives(robot, torque_constant_nm_a=1.0 + x, back_emf_v_s_rad=1.0 + x)
+def _moment(candidate: Candidate, x: float) -> Candidate:
+    load = candidate.load
+    load = Load(load.inertia_kg_m2, load.sine_nm * (1.0 + x), load.cosine_nm * (1.0 + x))
+    return replace(candidate, load=load)
 
 
-def _zero(robot: PhysicalRobot, x: float) -> PhysicalRobot:
-    joints = tuple(
-        replace(j, drive=replace(j.drive, zero_offset_rad=j.drive.zero_offset_rad + x))
-        for j in robot.joints
-    )
-    return replace(robot, joints=joints)
-
-
-def _skew(robot: PhysicalRobot, x: float) -> PhysicalRobot:
-    return replace(robot, reading=replace(robot.reading, skew_s=robot.reading.skew_s + x))
-
-
-def _supply(robot: PhysicalRobot, x: float) -> PhysicalRobot:
-    supply = replace(robot.supply, voltage_v=robot.supply.voltage_v * (1.0 + x))
-    return replace(robot, supply=supply)
+def _inertia(candidate: Candidate, x: float) -> Candidate:
+    load = candidate.load
+    load = Load(load.inertia_kg_m2 * max(0.05, 1.0 + x), load.sine_nm, load.cosine_nm)
+    return replace(candidate, load=load)
 
 
 NUISANCES = (
-    Nuisance("torque_constant", "(ratio)", 0.06, "specimens: +-10 %", _torque_constant),
     Nuisance(
-        "coulomb_level",
+        "torque_constant",
         "(ratio)",
-        0.18,
-        "specimens: +-30 %",
-        lambda r, x: _friction(r, "coulomb_nm", 1.0 + x),
+        0.06,
+        "specimens: +-10 %",
+        _scaled(kernel.TORQUE_CONSTANT, kernel.BACK_EMF),
     ),
+    Nuisance("coulomb_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.COULOMB)),
+    Nuisance("viscous_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.VISCOUS)),
+    Nuisance("gravity_moment", "(ratio)", 0.035, "masses +-5 %, centre +-3 mm", _moment),
     Nuisance(
-        "viscous_level",
-        "(ratio)",
-        0.18,
-        "specimens: +-30 %",
-        lambda r, x: _friction(r, "viscous_nm_s_rad", 1.0 + x),
-    ),
-    Nuisance(
-        "gravity_moment",
-        "(ratio)",
-        0.035,
-        "masses +-5 %, centre +-3 mm",
-        load=lambda k, x: replace(k, sine_nm=k.sine_nm * (1 + x), cosine_nm=k.cosine_nm * (1 + x)),
-    ),
-    Nuisance(
-        "load_inertia",
-        "(ratio)",
-        0.07,
-        "masses +-5 %, centre +-3 mm, extent of the weight",
-        load=lambda k, x: replace(k, inertia_kg_m2=k.inertia_kg_m2 * max(0.05, 1.0 + x)),
+        "load_inertia", "(ratio)", 0.07, "masses +-5 %, centre +-3 mm, extent of weights", _inertia
     ),
     Nuisance("zero", "rad", 0.0143, "zero +-1 deg and tilt up to 1 deg", _zero),
-    Nuisance("sampling", "s", 0.0015, "jitter and turnaround of a bus; assumed", _skew),
-    Nuisance("supply", "(ratio)", 0.02, "battery from charge to charge; assumed", _supply),
     Nuisance(
-        "gain",
+        "sampling",
+        "s",
+        0.0015,
+        "jitter and turnaround of a bus; assumed",
+        lambda c, x: replace(c, skew_s=c.skew_s + x),
+    ),
+    Nuisance(
+        "supply",
         "(ratio)",
-        0.03,
-        "scale of a gain register; assumed",
-        lambda r, x: _drives(r, gain_scale=1.0 + x),
+        0.02,
+        "battery from charge to charge; assumed",
+        lambda c, x: replace(c, voltage_v=c.voltage_v * (1.0 + x)),
+    ),
+    Nuisance(
+        "gain", "(ratio)", 0.03, "scale of a gain register; assumed", _scaled(kernel.GAIN_SCALE)
     ),
 )
 

@@ -32,6 +32,7 @@ from .observed import Channel, Observed
 
 Floats = NDArray[np.float64]
 
+REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 
 
@@ -101,11 +102,8 @@ class JointModel:
         ]
         self._speed = [_speed(o) for o in observed]
         self._controllers = {n: e.enters == "controller" for n, e in catalogue().items()}
+        self._made: dict[object, Candidate] = {}
         self.rollouts = 0  #: how many were run so far
-
-    def robot(self, hypothesis: Hypothesis, z: Floats) -> PhysicalRobot:
-        """The base robot with everything a vector says; loads' nuisances are left out."""
-        return self._changed(self.base, hypothesis, z)
 
     def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
         """Whether number ``k`` of a vector is one that the controller's duty depends on."""
@@ -113,43 +111,28 @@ class JointModel:
             return self.nuisances[k].name == "gain"
         return self._controllers[hypothesis.knobs[k - len(self.nuisances)].effect]
 
-    def _changed(self, robot: PhysicalRobot, hypothesis: Hypothesis, z: Floats) -> PhysicalRobot:
-        for nuisance, x in zip(self.nuisances, z, strict=False):
-            if nuisance.robot is not None and x != 0.0:
-                robot = nuisance.robot(robot, float(x) * nuisance.deviation)
-        return with_effects(robot, hypothesis.knobs, list(z[len(self.nuisances) :]))
+    def candidate(self, hypothesis: Hypothesis, z: Floats, r: int) -> Candidate:
+        """What a vector makes of the joint in one recording."""
+        candidate = self._with_effects(hypothesis, z[len(self.nuisances) :], r)
+        candidate = replace(candidate, drive=candidate.drive.copy())
+        for nuisance, x in zip(self.nuisances, z.tolist(), strict=False):
+            if x != 0.0:
+                candidate = nuisance.change(candidate, x * nuisance.deviation)
+        return candidate
 
-    def _load(self, robot: PhysicalRobot, z: Floats) -> Load:
-        told = one_joint_load(robot)
-        load = Load.pendulum(
-            told.inertia_kg_m2, told.gravity_nm, self._mount.to_servo(told.centre_rad)
-        )
-        for nuisance, x in zip(self.nuisances, z, strict=False):
-            if nuisance.load is not None and x != 0.0:
-                load = nuisance.load(load, float(x) * nuisance.deviation)
-        return load
-
-    def _candidates(
-        self, hypothesis: Hypothesis, z: Floats, which: Sequence[int]
-    ) -> tuple[list[Candidate], list[PhysicalRobot]]:
-        soft = {"backlash", "joint_compliance"} & set(hypothesis.effects)
-        made: dict[object, tuple[Candidate, PhysicalRobot]] = {}
-        candidates, robots = [], []
-        for r in which:
-            key = self._conditions[r]
-            if key not in made:
-                robot = self._changed(self._bases[key], hypothesis, z)
-                load = self._load(robot, z)
-                made[key] = (
-                    Candidate.of(robot, self._index, load, rigid=not soft),
-                    robot,
-                )
-            candidate, robot = made[key]
-            if self.recorded_supply[r]:
-                candidate = replace(candidate, source_ohm=0.0)
-            candidates.append(candidate)
-            robots.append(robot)
-        return candidates, robots
+    def _with_effects(self, hypothesis: Hypothesis, z: Floats, r: int) -> Candidate:
+        """Without nuisances: the same for many vectors, so the latest are remembered."""
+        key = (hypothesis.knobs, z.tobytes(), self._conditions[r])
+        if key not in self._made:
+            robot = with_effects(self._bases[self._conditions[r]], hypothesis.knobs, z.tolist())
+            told = one_joint_load(robot)
+            hangs = self._mount.to_servo(told.centre_rad)
+            load = Load.pendulum(told.inertia_kg_m2, told.gravity_nm, hangs)
+            rigid = not {"backlash", "joint_compliance"} & set(hypothesis.effects)
+            if len(self._made) > REMEMBERED:
+                self._made.clear()
+            self._made[key] = Candidate.of(robot, self._index, load, rigid=rigid)
+        return self._made[key]
 
     def residuals(
         self,
@@ -160,15 +143,14 @@ class JointModel:
     ) -> list[Blocks]:
         """Residual blocks (recorded less modelled) of some recordings, for every vector."""
         which = list(range(len(self.observed)) if which is None else which)
-        candidates: list[Candidate] = []
-        robots: list[PhysicalRobot] = []
-        for z in vectors:
-            some, their = self._candidates(hypothesis, z, which)
-            candidates += some
-            robots += their
+        candidates = [self.candidate(hypothesis, z, r) for z in vectors for r in which]
         replays = which * len(vectors)
         self.rollouts += len(candidates)
-        outs = self._batch.run(candidates, replays)
+        stiff = [
+            replace(c, source_ohm=0.0) if self.recorded_supply[r] else c
+            for c, r in zip(candidates, replays, strict=True)
+        ]
+        outs = self._batch.run(stiff, replays)
         duties: list[Floats] = []
         if Kind.DUTY in kinds:
             duties = self._batch.regulate(candidates, replays, [self._sensed[r] for r in replays])
@@ -177,7 +159,9 @@ class JointModel:
             blocks: Blocks = {}
             for k, r in enumerate(which):
                 j = v * len(which) + k
-                self._blocks(blocks, r, outs[j], duties[j] if duties else None, robots[j], kinds)
+                self._blocks(
+                    blocks, r, outs[j], duties[j] if duties else None, candidates[j], kinds
+                )
             result.append(blocks)
         return result
 
@@ -187,7 +171,7 @@ class JointModel:
         r: int,
         out: Floats,
         duty: Floats | None,
-        robot: PhysicalRobot,
+        candidate: Candidate,
         kinds: Sequence[Kind],
     ) -> None:
         observed = self.observed[r]
@@ -212,7 +196,7 @@ class JointModel:
                 ) ** 2
             else:
                 drawn = out[at, kernel.OUT_DUTY] * out[at, kernel.OUT_CURRENT]
-                modelled = robot.supply.voltage_v - robot.supply.resistance_ohm * drawn
+                modelled = candidate.voltage_v - candidate.source_ohm * drawn
                 extra = np.zeros(len(at))
             value = samples.value - modelled
             if keep.sum() >= 5:

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 
 from sim.effects import Effect
 
-from .fit import Fit, block_costs, bounds, estimate_noise, fit, linearise, score
+from .fit import Fit, fit, linearise, score
 from .knobs import Knob, effect_knobs
-from .model import Hypothesis, JointModel
+from .model import JointModel
 from .noise import CLIP, whiten
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-SIZES = (0.2, 0.7, 2.0)  #: of amplitudes, in typical sizes, at which an effect is tried
+SIZES = (0.05, 0.2, 0.7, 2.0)  #: of amplitudes, in typical sizes, at which an effect is tried
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
 CONFIRMED = 6  #: how many of the screened effects are fitted in a step
 STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
@@ -114,8 +114,8 @@ def screen(
     return sorted(ranking, key=lambda row: -row[0])
 
 
-def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
-    """How much too narrow the likelihood believes some numbers of a vector to be, at least 1."""
+def covariances(model: JointModel, found: Fit) -> tuple[Floats, Floats]:
+    """What the likelihood believes of the errors of a vector, and what scores by stretch say."""
     residual, jacobian = linearise(model, found.hypothesis, found.z, found.noise)
     blocks = model.residuals(found.hypothesis, [found.z])[0]
     stretches: list[Floats] = []
@@ -129,9 +129,14 @@ def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
     prior = np.zeros(jacobian.shape[1])
     prior[: len(model.nuisances)] = 1.0
     normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
-    inverse = np.linalg.pinv(normal)
-    sandwich = inverse @ (scores.T @ scores) @ inverse
-    ratios = [sandwich[k, k] / inverse[k, k] for k in knobs if inverse[k, k] > 0.0]
+    believed = np.linalg.pinv(normal)
+    return believed, believed @ (scores.T @ scores + np.diag(prior)) @ believed
+
+
+def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
+    """How much too narrow the likelihood believes some numbers of a vector to be, at least 1."""
+    believed, sandwich = covariances(model, found)
+    ratios = [sandwich[k, k] / believed[k, k] for k in knobs if believed[k, k] > 0.0]
     return max([1.0, *ratios])
 
 
@@ -218,9 +223,7 @@ def grow(
     return now, taken, confirmed
 
 
-def prune(
-    model: JointModel, now: Fit, taken: list[Gain], say: Progress
-) -> tuple[Fit, list[Gain]]:
+def prune(model: JointModel, now: Fit, taken: list[Gain], say: Progress) -> tuple[Fit, list[Gain]]:
     """Drop effects without which the rest does as well."""
     while len(now.hypothesis.effects) > 1:
         worst: tuple[float, str, Fit] | None = None
@@ -249,18 +252,3 @@ def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float]:
     start = np.concatenate([now.z[:count], now.z[count:][keep]])
     without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=2)
     return without, (without.cost - now.cost) / inflation(model, now, own)
-
-
-__all__ = [
-    "Gain",
-    "block_costs",
-    "bounds",
-    "confirm",
-    "drop",
-    "estimate_noise",
-    "folds",
-    "grow",
-    "held_out",
-    "inflation",
-    "screen",
-]

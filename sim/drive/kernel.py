@@ -613,19 +613,27 @@ def roll_one(  # noqa: PLR0915 - one loop, compiled as one
 
 @compiled
 def regulate(
-    arrays: Arrays, jobs: Jobs, positions: Array, tick_s: float, job: int, out: Array
+    arrays: Arrays, jobs: Jobs, sensed: Array, tick_s: float, first: int, last: int, out: Array
 ) -> None:
-    """Duty of one job's controller along given positions, into ``out`` (samples,).
+    """Duty of some jobs' controllers along given angles, into ``out`` (jobs, samples).
 
-    ``positions`` (n,) are what the servo itself sensed at the job's samples; between them the shaft
-    is taken to move evenly. What the motor makes of the duty plays no part.
+    ``sensed`` (jobs, samples) is what the servo itself read at the job's samples; between them the
+    shaft is taken to move evenly. What the motor makes of the duty plays no part.
     """
+    for job in range(first, last):
+        regulate_one(arrays, jobs, sensed, tick_s, job, out)
+
+
+@compiled
+def regulate_one(
+    arrays: Arrays, jobs: Jobs, sensed: Array, tick_s: float, job: int, out: Array
+) -> None:
+    """One job of :func:`regulate`."""
     params, commands = arrays.params, arrays.commands
     recording = jobs.recording[job]
     event, last_event = jobs.event_range[recording], jobs.event_range[recording + 1]
     first, last = jobs.sample_range[recording], jobs.sample_range[recording + 1]
     sample, tick = first, 0
-    pace = 0.0
     while sample < last:
         now = tick * tick_s
         while event < last_event and jobs.events[event, 0] + params[DELAY, job] <= now:
@@ -633,14 +641,13 @@ def regulate(
             if field < SUPPLY_EVENT:
                 commands[field, job] = jobs.events[event, 2]
             event += 1
-        ahead = min(sample, last - 1)
-        sensed = positions[ahead - first]
-        if ahead > first:
-            span = jobs.samples[ahead] - jobs.samples[ahead - 1]
-            pace = (sensed - positions[ahead - 1 - first]) / max(span, 1e-6)
-            sensed -= pace * (jobs.samples[ahead] - now)
-        control_one(arrays, job, sensed - params[ZERO_OFFSET, job], pace, tick_s)
+        angle, pace = sensed[job, sample - first], 0.0
+        if sample > first:
+            span = max(jobs.samples[sample] - jobs.samples[sample - 1], 1e-6)
+            pace = (angle - sensed[job, sample - 1 - first]) / span
+            angle -= pace * (jobs.samples[sample] - now)
+        control_one(arrays, job, angle, pace, tick_s)
         tick += 1
         while sample < last and jobs.samples[sample] <= tick * tick_s:
-            out[sample - first] = arrays.states[DUTY, job]
+            out[job, sample - first] = arrays.states[DUTY, job]
             sample += 1
