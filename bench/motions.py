@@ -1,4 +1,4 @@
-"""Named test motions of one joint, and the plan of an experiment on a rig.
+"""Named test motions of one joint, and plans of experiments on rigs and robots.
 
 A motion is the goal of one joint over time. All angles are in rad at the joint, times in s from the
 start of the recording. Nothing here reads, writes or draws anything.
@@ -203,11 +203,12 @@ def motion(name: str, **arguments: Any) -> Motion:
 
 @dataclass(frozen=True, slots=True)
 class ExperimentPlan:
-    """One experiment on a one-joint rig: what is commanded, and what the operator sets before.
+    """One experiment on one joint: what is commanded, and what the operator sets before.
 
-    ``registers``: raw values written before the start (gains); those not named stay as the robot's
-    file has them. ``payload_kg`` ``None`` leaves the weight that is on the rig. ``warm_start_s``:
-    for how long the servo worked hard just before.
+    ``joint`` names the joint that moves where a rig has several; the others stay. ``registers``:
+    raw values written before the start (gains); those not named stay as the robot's file has them.
+    ``payload_kg`` ``None`` leaves the weight that is on the rig. ``warm_start_s``: for how long the
+    servo worked hard just before.
     """
 
     motion: Motion
@@ -215,6 +216,7 @@ class ExperimentPlan:
     payload_kg: float | None = None
     payload_at_m: float | None = None
     warm_start_s: float = 0.0
+    joint: str = ""
 
     def document(self) -> dict[str, Any]:
         """The plan as a document of plain values; :meth:`of` reads it."""
@@ -229,6 +231,8 @@ class ExperimentPlan:
             if getattr(self, key) is not None:
                 document[key] = getattr(self, key)
         document["warm_start_s"] = self.warm_start_s
+        if self.joint:
+            document["joint"] = self.joint
         return document
 
     @classmethod
@@ -241,6 +245,29 @@ class ExperimentPlan:
             raise ValueError(f"a plan needs its motion: one of {', '.join(MOTIONS)}")
         rest = {k: v for k, v in document.items() if k not in ("motion", "arguments")}
         return cls(motion(document["motion"], **document.get("arguments", {})), **rest)
+
+
+@dataclass(frozen=True, slots=True)
+class WalkPlan:
+    """One walk of a whole robot: how it is steered, and the weight on its trunk."""
+
+    seconds: float = 5.0
+    v_left: float = 1.0
+    v_right: float = 1.0
+    payload_kg: float = 0.0
+    seed: int = 0  #: of the pattern generator's first state
+
+    def document(self) -> dict[str, Any]:
+        """The plan as a document of plain values; :meth:`of` reads it."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> WalkPlan:
+        """The plan in a document. Raises ``ValueError`` for an unknown key."""
+        known = [f.name for f in dataclasses.fields(cls)]
+        if unknown := sorted(set(document) - set(known)):
+            raise ValueError(f"a walk has no {', '.join(unknown)}: it has {', '.join(known)}")
+        return cls(**document)
 
 
 def _smooth(share: Floats) -> Floats:

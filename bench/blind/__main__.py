@@ -13,6 +13,7 @@ from .case import Asked, Concealment, Kind
 from .cases import write_case
 from .effects import EFFECTS
 from .rigs import RIGS, STYLES
+from .scenes import SCENES
 from .unlisted import STRANGERS
 
 app = typer.Typer(add_completion=False)
@@ -42,13 +43,15 @@ def main(
     concealment: Annotated[
         Concealment | None, typer.Option(help="How it is concealed; any.")
     ] = None,
-    rig: Annotated[str | None, typer.Option(help=f"One of {', '.join(RIGS)}; any.")] = None,
+    rig: Annotated[
+        str | None, typer.Option(help=f"One of {', '.join((*RIGS, *SCENES))}; any rig.")
+    ] = None,
     style: Annotated[str | None, typer.Option(help=f"One of {', '.join(STYLES)}; any.")] = None,
     secret: Annotated[
         Path | None, typer.Option(help="File with the secret; made if missing. Default: OUT.secret")
     ] = None,
 ) -> None:
-    """Write sealed cases of one-joint rigs with a concealed effect."""
+    """Write sealed cases with a concealed effect: of one-joint rigs, a leg, or a whole robot."""
     secret_path = secret or out.with_name(f"{out.name}.secret")
     out.mkdir(parents=True, exist_ok=True)
     if secret_path.resolve().is_relative_to(out.resolve()):

@@ -11,7 +11,6 @@ import hashlib
 import hmac
 import io
 import json
-import math
 import shutil
 from functools import cache
 from pathlib import Path
@@ -25,13 +24,11 @@ import bench.motions
 from bench.motions import ExperimentPlan
 from bench.recording import Recording, write
 
-from .believed import JOINT, robot_toml
-from .case import Asked, Case, Hidden, Kind, draw
-from .changes import Truth
-from .conceal import disguise, rival
-from .measure import Measured, record
+from .case import Asked, Kind
+from .drafts import Draft, draft
+from .measure import Measured
+from .scenes import Plan
 from .seal import SealError, digest, seal, unseal
-from .sizing import noise_floor
 
 CASE_FORMAT, KEY_FORMAT = "busemu-case/1", "busemu-key/1"
 
@@ -40,35 +37,42 @@ def write_case(directory: str | Path, seed: int, secret: str, asked: Asked | Non
     """Draw a case and write its folder; returns it.
 
     The folder appears whole or not at all. Raises ``FileExistsError`` if it is there already,
-    ``ValueError`` as :func:`bench.blind.case.draw` does.
+    ``ValueError`` as :func:`bench.blind.case.draw` does. ``asked.rig`` may name a scene of
+    :mod:`bench.blind.scenes`: a leg on a stand, or a whole robot.
     """
     folder = Path(directory)
     if folder.exists():
         raise FileExistsError(f"{folder}: is there already: take another name")
-    case, guise = disguise(draw(seed, asked))
+    asked = asked or Asked()
+    case = draft(seed, asked)
     part = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(part, ignore_errors=True)
     (part / "recordings").mkdir(parents=True)
     try:
-        _fill(part, folder.name, case, guise, secret)
+        key = _key(folder.name, case, seed, asked, secret)
+        _fill(part, case, key, secret)
         part.rename(folder)
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return folder
 
 
-def _fill(folder: Path, name: str, case: Case, guise: dict[str, Any], secret: str) -> None:
-    measured = []
-    plans = case.plans
+def _fill(folder: Path, case: Draft, key_document: dict[str, Any], secret: str) -> None:
+    measured: list[Measured] = []
+    name = key_document["case"]
     numbers: dict[str, int] = {}
-    for index, (group, plan) in enumerate(plans):
+    for index, (group, plan) in enumerate(case.plans):
         numbers[group] = numbers.get(group, 0) + 1
-        late = index / max(1, len(plans) - 1)
-        found = record(case, plan, f"{group}-{numbers[group]:02d}", group, late)
+        late = index / max(1, len(case.plans) - 1)
+        found = case.measure(plan, f"{group}-{numbers[group]:02d}", group, late)
         write(found.recording, folder / "recordings" / f"{found.recording.name}.parquet")
         measured.append(found)
-    (folder / "robot.toml").write_text(robot_toml(case.ground.rig), "utf-8")
-    key = json.dumps(_key(name, case, guise, measured, secret), indent=1, allow_nan=False).encode()
+    (folder / "robot.toml").write_text(case.robot_text(), "utf-8")
+    oracle = {
+        m.recording.name: {"group": m.recording.metadata["group"], "mse_rad2": m.oracle_mse_rad2}
+        for m in measured
+    }
+    key = json.dumps({**key_document, "oracle": oracle}, indent=1, allow_nan=False).encode()
     buffer = io.BytesIO()
     pq.write_table(pa.concat_tables([m.truth for m in measured], promote_options="none"), buffer)
     truth = buffer.getvalue()
@@ -77,69 +81,25 @@ def _fill(folder: Path, name: str, case: Case, guise: dict[str, Any], secret: st
     public = {
         "format": CASE_FORMAT,
         "case": name,
-        "held_out": list(case.ground.programme.held_out),
-        "catalogue_without": [h.name for h in case.hidden] if case.kind is Kind.DELETED else [],
+        "held_out": list(case.held_out),
+        "catalogue_without": list(case.names) if case.kind is Kind.DELETED else [],
         "key_sha256": digest(key),
         "truth_sha256": digest(truth),
     }
     (folder / "case.json").write_text(json.dumps(public, indent=1) + "\n", "utf-8")
 
 
-def _number(value: float) -> float | None:
-    """JSON has no infinity: ``null`` stands for it, and for "none"."""
-    return value if math.isfinite(value) else None
-
-
-def _told(hidden: Hidden, truth: Truth) -> dict[str, Any]:
-    gate = hidden.how.gate
-    return {
-        "effect": hidden.name,
-        "scope": [JOINT],
-        "parameters": {
-            name: {"value": _number(q.value), "unit": q.unit, "off": _number(q.off)}
-            for name, q in truth.items()
-        },
-        "phase": {"kind": gate.kind.value, "low": gate.low, "high": gate.high},
-        "size": hidden.size,
-        "ratio": _number(hidden.ratio),
-        "wanted_ratio": _number(hidden.wanted),
-        "channel": hidden.effect.channel,
-    }
-
-
-def _key(
-    name: str, case: Case, guise: dict[str, Any], measured: list[Measured], secret: str
-) -> dict[str, Any]:
-    where = case.ground
-    _, truths = case.truth(where.programme.runs[0].plan)
-    told = [_told(hidden, truth) for hidden, truth in truths]
+def _key(name: str, case: Draft, seed: int, asked: Asked, secret: str) -> dict[str, Any]:
     return {
         "format": KEY_FORMAT,
         "case": name,
-        "seed": case.seed,
-        "asked": case.asked.document(),
+        "seed": seed,
+        "asked": asked.document(),
         "generator": generator(),
-        "nonce": hmac.digest(secret.encode(), f"{name} {case.seed}".encode(), "sha256").hex(),
+        "nonce": hmac.digest(secret.encode(), f"{name} {seed}".encode(), "sha256").hex(),
         "kind": case.kind.value,
-        "concealment": case.concealment.value,
-        "rig": where.rig.name,
-        "programme": where.programme.name,
-        "style": where.style.name,
-        "effects": told[len(case.ordinary) :],
-        "ordinary": told[: len(case.ordinary)],
-        "nuisances": case.nuisances.document(),
-        "rival": rival(case),
-        "disguise": guise,
-        "noise_floor_rad": noise_floor(where.key),
-        "quantum_rad": where.rig.sheet.step_rad,
-        "held_out": list(where.programme.held_out),
-        "oracle": {
-            m.recording.name: {
-                "group": m.recording.metadata["group"],
-                "mse_rad2": m.oracle_mse_rad2,
-            }
-            for m in measured
-        },
+        "held_out": list(case.held_out),
+        **case.told(),
     }
 
 
@@ -173,18 +133,19 @@ def open_truth(case: str | Path, secret: str) -> pa.Table:
     return pq.read_table(io.BytesIO(content))
 
 
-def rerun(case: str | Path, secret: str, plan: ExperimentPlan) -> Recording:
+def rerun(case: str | Path, secret: str, plan: Plan) -> Recording:
     """Run one more experiment on the same hidden specimen, at the end of its session.
 
-    Raises :class:`SealError`; also if the generator has changed since the case was written.
+    Raises :class:`SealError`; also if the generator has changed since the case was written. Raises
+    ``ValueError`` for a plan that the case's rig or robot cannot carry out.
     """
     key = open_key(case, secret)
     if key["generator"] != generator():
         raise SealError(f"{case}: was made by another version of the generator: write it again")
-    drawn, _ = disguise(draw(key["seed"], Asked.of(key["asked"])))
     mark = digest(json.dumps(plan.document(), sort_keys=True).encode())[:8]
-    group = f"next-{plan.motion.name}"
-    return record(drawn, plan, f"{group}-{mark}", group, 1.0).recording
+    group = f"next-{plan.motion.name}" if isinstance(plan, ExperimentPlan) else "next-walk"
+    drawn = draft(key["seed"], Asked.of(key["asked"]))
+    return drawn.measure(plan, f"{group}-{mark}", group, 1.0).recording
 
 
 @cache

@@ -3,7 +3,8 @@
 Trunk: x right, y forward, z up, origin at the height of the coxa axes. A leg's frame: x outward, z
 up; coxa turns about z, femur and tibia about -y (positive lifts the foot). The mass of a link is
 spread evenly over its shapes. Every joint is two hinges in one: the rotor behind its gear, and the
-gear's twist (a spring, or free play between limits); the servo's sensor sees their sum.
+gear's twist (a spring; with play, a third that is free within its limits). The servo's sensor sees
+their sum.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ LINKS = ("coxa", "femur", "tibia")
 AXES = {"coxa": "0 0 1", "femur": "0 -1 0", "tibia": "0 -1 0"}
 STEP_S = 0.5e-3
 #: a rubber tip that gives is a small body on a spring; its mass and damping are assumed
-TIP_KG, TIP_DAMPING_RATIO = 0.002, 0.3
+TIP_KG, TIP_DAMPING_RATIO = 0.003, 0.3
 #: contacts without compliance: as stiff as the step carries
 HARD = "solref='0.002 1' solimp='0.95 0.99 0.0005'"
-#: teeth that meet at the end of their play; assumed
-TEETH_NM_RAD = 60.0
+#: phase of a fast spring in one step that the engine bears well
+CALM_RAD = 0.4
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,11 +160,17 @@ def _leg(robot: Robot, leg: Mapping[str, Any], body: Body) -> str:
         factor = factors.get(joint, factors.get(link, 1.0))
         opened += (
             f"<body name='{joint}' pos='{at!r} 0 0'>{_joint(robot, joint, link, body)}"
-            f"{_geoms(entry['shape'], said(entry, 'mass_kg') * factor)}"
+            f"{_geoms(entry['shape'], said(entry, 'mass_kg') * factor - _tip_kg(body, joint))}"
         )
         closed += "</body>"
         at = float(said(entry, "length_m"))
     return opened + _foot(file, name, at, body) + closed
+
+
+def _tip_kg(body: Body, joint: str) -> float:
+    """Mass of a tip on a spring, which is part of its tibia's."""
+    leg, link = joint.split(".")
+    return TIP_KG if link == "tibia" and (body.foot_n_m or {}).get(leg, 0.0) > 0.0 else 0.0
 
 
 def _joint(robot: Robot, joint: str, link: str, body: Body) -> str:
@@ -181,14 +188,19 @@ def _joint(robot: Robot, joint: str, link: str, body: Body) -> str:
     changed = (body.twist_nm_rad or {}).get(joint)
     if changed is not None:
         stiffness = changed
-    head = f"<joint name='{joint}/twist' type='hinge' axis='{axis}' damping='{damping!r}' "
+    if stiffness > 0.0:
+        text += (
+            f"<joint name='{joint}/twist' type='hinge' axis='{axis}' damping='{damping!r}' "
+            f"stiffness='{stiffness!r}'/>"
+        )
     if play > 0.0:
-        return text + (
-            f"{head} range='{-0.5 * play!r} {0.5 * play!r}' armature='1e-6' "
+        # between spring and teeth sits a gear, as heavy as a step of the spring needs it; assumed
+        gear = max(1e-6, stiffness * (STEP_S / CALM_RAD) ** 2)
+        text += (
+            f"<joint name='{joint}/play' type='hinge' axis='{axis}' damping='2e-4' "
+            f"range='{-0.5 * play!r} {0.5 * play!r}' armature='{gear!r}' "
             f"solreflimit='{2.0 * STEP_S} 1' solimplimit='0.95 0.999 0.0005'/>"
         )
-    if stiffness > 0.0:
-        return text + f"{head} stiffness='{stiffness!r}'/>"
     return text
 
 

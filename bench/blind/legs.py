@@ -46,9 +46,13 @@ class LegsPlant:
         self._zero = np.array(zero)
         names = [model.joint(j).name for j in range(model.njnt)]
         self._rotor = np.array([names.index(joint) for joint in self._joints])
-        twist = [names.index(f"{j}/twist") if f"{j}/twist" in names else -1 for j in self._joints]
-        self._has_twist = np.array([j >= 0 for j in twist])
-        self._twist = np.array([max(j, 0) for j in twist])
+        # behind the rotor: the gear's twist and its play, where they are
+        self._behind = []
+        for kind in ("twist", "play"):
+            which = [i for i, j in enumerate(self._joints) if f"{j}/{kind}" in names]
+            if which:
+                found = [names.index(f"{self._joints[i]}/{kind}") for i in which]
+                self._behind.append((np.array(which), np.array(found)))
         self._q, self._v = model.jnt_qposadr, model.jnt_dofadr
         self.drives = Drives(robot, self._joints, electrics)
         model.dof_frictionloss[self._v[self._rotor]] = self.drives.coulomb_nm
@@ -67,11 +71,13 @@ class LegsPlant:
     def _outputs(self) -> tuple[Floats, Floats, Floats]:
         """Servo angles and speeds at the sensors, and the rotors' speeds, in the servos' frames."""
         q, v = self.data.qpos, self.data.qvel
-        rotor, twist = self._rotor, self._twist
-        angle = q[self._q[rotor]] + np.where(self._has_twist, q[self._q[twist]], 0.0)
-        speed = v[self._v[rotor]] + np.where(self._has_twist, v[self._v[twist]], 0.0)
+        angle, rotor = q[self._q[self._rotor]], v[self._v[self._rotor]]
+        speed = rotor.copy()
+        for which, joints in self._behind:
+            angle[which] += q[self._q[joints]]
+            speed[which] += v[self._v[joints]]
         servo: Floats = self._sign * (angle - self._zero)
-        return servo, self._sign * speed, self._sign * v[self._v[rotor]]
+        return servo, self._sign * speed, self._sign * rotor
 
     def _control(self) -> None:
         """The tick at the present instant: what the drives do until the next."""
@@ -92,6 +98,11 @@ class LegsPlant:
         if not math.isfinite(float(self.data.qpos.sum())):
             raise ArithmeticError(f"the engine became unstable at {self._now_s:.3f} s")
         self._now_s = to_s
+
+    @property
+    def now_s(self) -> float:
+        """The instant last advanced to [s]."""
+        return self._now_s
 
     def command(self, servo_id: int, command: DriveCommand) -> None:
         """Set what a drive shall do from the next control tick on."""
@@ -120,7 +131,7 @@ class LegsPlant:
         )
 
     def observe(self) -> Mapping[str, float]:
-        """Pose of the body and force on the feet [SI]; ``imu/`` is what a sensor on it would say."""
+        """Pose of the body and force on the feet [SI]; ``imu/`` is what a sensor on it says."""
         found: dict[str, float] = {}
         if self._base:
             body = self.data.body("trunk")

@@ -25,9 +25,9 @@ Floats = NDArray[np.float64]
 class Measured:
     """A recording with what is true of it.
 
-    ``truth``: columns ``recording``, ``row`` (of the event table, from 0), ``t_true_s`` (instant of
-    the sample in the recording's time) and ``position_rad`` (the register's value without rounding,
-    noise and outliers), a row for every read of the position.
+    ``truth``: columns ``recording``, ``row`` (of the event table, from 0), ``servo_id``,
+    ``t_true_s`` (instant of the sample in the recording's time) and ``position_rad`` (of the servo:
+    the register's value without rounding, noise and outliers), a row for every read of a position.
     """
 
     recording: Recording
@@ -63,6 +63,7 @@ def record(case: Case, plan: ExperimentPlan, name: str, group: str, late: float)
         {
             "recording": pa.array([name] * len(rows)).dictionary_encode(),
             "row": rows.astype(np.int64),
+            "servo_id": np.full(len(rows), SERVO_ID, dtype=np.int16),
             "t_true_s": timing.sample_s[:, style.reads.index("position")] * clock + table.shift_s,
             "position_rad": shown.truth_rad,
         }

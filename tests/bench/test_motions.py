@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from bench.motions import MOTIONS, ExperimentPlan, Motion, motion
+from bench.motions import MOTIONS, ExperimentPlan, Motion, WalkPlan, motion
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -49,7 +49,9 @@ def test_lift_and_drop_says_when_the_torque_goes_off() -> None:
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_plan_survives_json(name: str) -> None:
-    plan = ExperimentPlan(motion(name, center_rad=0.3), {"position_p_gain": 200}, 0.1, 0.08, 30.0)
+    plan = ExperimentPlan(
+        motion(name, center_rad=0.3), {"position_p_gain": 200}, 0.1, 0.08, 30.0, "a"
+    )
     assert ExperimentPlan.of(json.loads(json.dumps(plan.document()))) == plan
 
 
@@ -73,3 +75,10 @@ def test_unknown_names_are_refused_with_those_there_are() -> None:
 def test_base_motion_is_no_motion() -> None:
     with pytest.raises(NotImplementedError):
         Motion().goal_rad(0.0)
+
+
+def test_walk_survives_json_and_refuses_what_it_has_not() -> None:
+    walk = WalkPlan(3.0, 0.5, 1.0, 0.1, 4)
+    assert WalkPlan.of(json.loads(json.dumps(walk.document()))) == walk
+    with pytest.raises(ValueError, match="a walk has no speed: it has seconds"):
+        WalkPlan.of({"speed": 1})

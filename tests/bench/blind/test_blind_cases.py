@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import bench.blind.cases
+import bench.blind.drafts
 from bench.blind import (
     Asked,
     SealError,
@@ -178,7 +179,7 @@ def test_case_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     def fail(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(bench.blind.cases, "robot_toml", fail)
+    monkeypatch.setattr(bench.blind.drafts, "robot_toml", fail)
     with pytest.raises(KeyboardInterrupt):
         write_case(tmp_path / "half", 7, SECRET, WISH)
     assert list(tmp_path.iterdir()) == []
