@@ -143,3 +143,8 @@ def test_an_effect_of_legs_is_refused_on_a_robot_without_legs() -> None:
     document = {**load_robot("pendulum").document, "effect": [grip]}
     with pytest.raises(RobotError, match="foot_slip: pendulum has no leg"):
         read_model(parse_robot(document, Path("pendulum.toml")))
+
+
+def test_values_out_of_bounds_are_refused_when_the_file_is_read() -> None:
+    with pytest.raises(RobotError, match=r"0\.5 rad is not within"):
+        additions(with_effect(parameters(value=0.5, source="a")))
