@@ -39,6 +39,9 @@ RAISE_S = 1.5
 #: before it counts as blocked [rad]. Assumed: more than friction and lag of both servos need.
 SEARCH_RAD_S = 0.6
 BLOCKED_RAD = 0.06
+#: A joint that stands still so long is stopped [s], and the goal moves on by no more than so much
+#: time in one cycle [s]. Assumed.
+STILL_S, LONGEST_STEP_S = 0.2, 0.02
 #: How far past full duty the error goes, as a share of it. Assumed.
 PAST = 1.25
 #: Time of the goal into the block and back [s]; a fifth of it is at full duty, below the second
@@ -95,7 +98,8 @@ class ServoCheckExperiment:
         joint = str(trial.condition["joint"])
         leg = joint.partition(".")[0]
         mount = robot.by_joint[joint]
-        full_rad = TorqueSensor.of(robot, mount, mount.registers).full_error_rad
+        sensor = TorqueSensor.of(robot, mount, mount.registers)
+        depth_rad = PAST * sensor.full_error_rad
         rng = np.random.default_rng(trial.seed)
         slow = ("present_load", "present_voltage", *shutdown_registers(robot))
         observe(session, OBSERVE_S, {f"rig/{joint}_nm", f"rig/{joint}_rad"}.__contains__)
@@ -103,8 +107,8 @@ class ServoCheckExperiment:
         with moving(session, [joint], progress, slow) as motion:
             motion.go({f"{leg}.{part}": angle for part, angle in MAST.items()}, RAISE_S)
             for side in (-1.0, 1.0):
-                blocked_rad = _find_block(motion, joint, side)
-                spans += _press(motion, joint, blocked_rad, side * PAST * full_rad, rng)
+                blocked_rad = _find_block(motion, joint, side, sensor.count_rad)
+                spans += _press(motion, joint, blocked_rad, side * depth_rad, rng)
         return {"pressing_s": spans}
 
     def evaluate(self, recordings: Sequence[Recording]) -> ServoCheck:
@@ -150,23 +154,35 @@ class ServoCheckExperiment:
         return servo_check_figure(result)
 
 
-def _find_block(motion: Motion, joint: str, side: float) -> float:
-    """Turn a joint until something stops it; returns its angle there [rad]."""
+def _find_block(motion: Motion, joint: str, side: float, count_rad: float) -> float:
+    """Turn a joint until something stops it; returns its angle there [rad].
+
+    Stopped is a joint that stands still for a while although its goal is well ahead of it: one that
+    only lags, after a stall of the bus or the host, moves on.
+    """
     control = motion.control
     index = control.joints.index(joint)
     end_rad = float((control.upper_rad if side > 0.0 else control.lower_rad)[index])
-    start_rad = motion.goals_rad[joint]
-    began_s = motion.clock.now_s()
+    goal = furthest = motion.goals_rad[joint]
+    before_s = moved_s = motion.clock.now_s()
     while True:
-        goal = start_rad + side * SEARCH_RAD_S * (motion.clock.now_s() - began_s)
+        (position,) = motion.cycle({joint: goal}).tolist()
+        now_s = motion.clock.now_s()
+        step_s, before_s = min(now_s - before_s, LONGEST_STEP_S), now_s
+        if math.isnan(position):
+            continue
+        if side * (position - furthest) > count_rad:
+            furthest, moved_s = position, now_s
+        ahead = side * (goal - position)
+        if ahead > BLOCKED_RAD and now_s - moved_s > STILL_S:
+            return float(position)
+        if ahead < 2.0 * BLOCKED_RAD:
+            goal += side * SEARCH_RAD_S * step_s
         if side * (end_rad - goal) < 0.0:
             raise ExperimentError(
                 f"{joint} turned to the end of its servo's range without meeting a block: "
                 "fix one in its way"
             )
-        (position,) = motion.cycle({joint: goal})
-        if side * (goal - position) > BLOCKED_RAD:
-            return float(position)
 
 
 def _press(

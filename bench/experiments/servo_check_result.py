@@ -101,6 +101,12 @@ class ServoCheck:
             f"position law: {self.gain_per_rad:.2f} duty/rad from present_load, "
             f"{self.gain_per_rad / expected - 1.0:+.1%} from the control table's {expected:.2f}"
         ]
+        reached = min(float(np.max(self.error_rad)), -float(np.min(self.error_rad)))
+        if reached < self.sensor.full_error_rad:
+            found.append(
+                f"the error came only to {reached:.3f} rad on one side, short of full duty at "
+                f"{self.sensor.full_error_rad:.3f} rad: the block gave way, or there was none"
+            )
         if self.line is None:
             found.append(
                 "nobody beside the robot knew the torque, so the recordings give the position law "

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, STANCE, styled
 
+from ..words import repeats
+
 if TYPE_CHECKING:
     from ..servo_check_result import ServoCheck
 
@@ -25,7 +27,7 @@ def servo_check_figure(result: ServoCheck) -> Figure:
     figure = Figure(figsize=(7.2, 7.4 if known else 3.9), layout="constrained")
     every = figure.subplots(2 if known else 1, 1, sharex=True, squeeze=False)[:, 0]
     figure.suptitle(
-        f"Servo check: {result.robot}, {result.joint} blocked, {result.repeats} repeats",
+        f"Servo check: {result.robot}, {result.joint} blocked, {repeats(result.repeats)}",
         x=0.01,
         ha="left",
         fontsize=11.0,
@@ -89,9 +91,15 @@ def _torque(axes: Axes, result: ServoCheck) -> None:
 
 def _duty(axes: Axes, result: ServoCheck) -> None:
     error, expected = _expected(result)
-    for way, colour in ((result.rising, MEASURED), (~result.rising, MODELLED)):
+    for way, colour, label in (
+        (result.rising, MEASURED, "into the block"),
+        (~result.rising, MODELLED, "and back"),
+    ):
         there = way & ~np.isnan(result.load)
-        axes.plot(result.error_rad[there], result.load[there], ".", color=colour, markersize=4)
+        axes.plot(
+            result.error_rad[there], result.load[there], ".", color=colour, markersize=4,
+            label=label,
+        )  # fmt: skip
     axes.plot(error, expected, color=INK, linewidth=1.0, label="position law of the registers")
     for sign in (-1.0, 1.0):
         axes.axhline(sign, color=GOAL, linewidth=0.9, linestyle="--")

@@ -11,6 +11,8 @@ from matplotlib.lines import Line2D
 
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, START, STOP, styled
 
+from ..words import repeats
+
 if TYPE_CHECKING:
     from ..torque_analysis_result import TorqueAnalysis
 
@@ -24,7 +26,7 @@ def torque_analysis_figure(result: TorqueAnalysis) -> Figure:
     grid = figure.subplots(2, 2, sharex=True)
     figure.suptitle(
         f"Torque analysis: {result.robot}, {result.leg} extends its tibia, "
-        f"{result.repeats} repeats a load",
+        f"{repeats(result.repeats)} a load",
         x=0.01,
         ha="left",
         fontsize=11.0,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from experiment_runs import campaign, quiet, ran
 
+from bench.experiments import EXPERIMENTS
 from bench.experiments.experiment import Choice, ExperimentError
 from bench.experiments.gait_phase import LIFTED_M, cycles, feet_m, profile
 from busemu.tables import load_robot
@@ -132,3 +133,11 @@ def test_a_stride_beyond_reach_and_a_walk_too_short_are_refused_in_words(tmp_pat
         far.run(quiet)
     with pytest.raises(ExperimentError, match="record a longer walk"):
         ran("locomotion", "marvin", tmp_path / "short", Choice(repeats=1, seconds=1.0))
+
+
+def test_the_figure_has_a_column_a_leg_and_the_torque_limit(walked):
+    _, result = walked
+    figure = EXPERIMENTS["locomotion"].draw(result)
+    assert len(figure.axes) == 5 * 6  # path, three joints, torque
+    limits = [line for line in figure.axes[-1].get_lines() if line.get_linestyle() == "--"]
+    assert {line.get_ydata()[0] for line in limits} == {-0.75, 0.75}

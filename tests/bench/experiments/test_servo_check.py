@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from experiment_runs import ran
+from experiment_runs import campaign, ran
 
 from bench.experiments import EXPERIMENTS
 from bench.experiments.series import cut_at_s, spans_s
 from bench.experiments.servo_check import STRAIGHT
-from bench.recording import Recording
+from bench.recording import Recording, joint_track
+from bench.running import in_process
+from busemu.tables import load_robot
+from busemu.timing import load_profile
+from sim.world import BulletPlant
 
 
 @pytest.fixture(scope="module", params=["marvin", "phantomx"])
@@ -67,6 +74,39 @@ def test_nothing_shuts_down(checked):
     assert result.error_rad.max() > result.sensor.full_error_rad
 
 
+def test_a_block_that_gives_way_is_told(checked):
+    _, result = checked
+    assert not any("gave way" in finding for finding in result.findings())
+    weak = replace(result, error_rad=np.minimum(result.error_rad, 0.05))
+    assert any("only to 0.050 rad on one side" in finding for finding in weak.findings())
+
+
+def test_a_joint_that_only_lags_is_not_taken_for_a_blocked_one(tmp_path):
+    """A host that stalls for a moment: the goal must not leap, nor the search end early."""
+    robot = load_robot("marvin")
+    plant = BulletPlant(robot, held=True)
+    try:
+        session = in_process(robot, plant, load_profile(robot.timing))
+        stalls = iter([2.0, 2.6, 3.2])
+        due = [next(stalls)]
+
+        def stall(run_s):
+            if due and run_s > due[0]:
+                session.clock.sleep_until(session.clock.now_s() + 0.15)
+                due[0] = next(stalls, math.inf)
+
+        (trial,) = campaign("servo-check", "marvin", tmp_path).trials
+        found = EXPERIMENTS["servo-check"].run(session, trial, stall)
+        recording = session.recording("stalled", "servo-check", **trial.facts(), **found)
+    finally:
+        plant.close()
+    stop_rad = robot.document["link"]["coxa"]["upper_rad"]["value"]
+    track = joint_track(recording, "leg6.coxa", robot)
+    for start_s, end_s in spans_s(recording, "pressing_s"):
+        inside = (track.position_t_s > start_s) & (track.position_t_s < end_s)
+        assert np.abs(track.position_rad[inside]).mean() == pytest.approx(stop_rad, abs=0.02)
+
+
 def test_without_an_observer_the_law_alone_is_found(checked):
     (recording,), result = checked
     names = recording.table["register"].to_pylist()
@@ -75,3 +115,5 @@ def test_without_an_observer_the_law_alone_is_found(checked):
     assert blind.line is None
     assert blind.comparisons() == ()
     assert blind.gain_per_rad == result.gain_per_rad
+    assert len(EXPERIMENTS["servo-check"].draw(blind).axes) == 1
+    assert len(EXPERIMENTS["servo-check"].draw(result).axes) == 2

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from experiment_runs import campaign, ran
 
+from bench.experiments import EXPERIMENTS
 from bench.experiments.position_error import TorqueSensor
 
 
@@ -68,3 +69,10 @@ def test_stands_on_three_legs(analysed):
     assert set(condition["supporting"]) in ({"leg1", "leg3", "leg6"}, {"leg2", "leg4", "leg5"})
     assert condition["supporting"][-1] in ("leg5", "leg6")  # the middle one
     assert not set(condition["supporting"]) & set(condition["lifted"])
+
+
+def test_the_figure_has_four_panels(analysed):
+    _, result = analysed
+    figure = EXPERIMENTS["torque-analysis"].draw(result)
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert titles == ["tibia: the motion (grey: goal)", "coxa", "femur", "tibia"]
