@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import random
 from typing import Any
 
 from virtual_bus import OK, Bench
 
+from busemu.chance import seeded
 from busemu.faults import Faults, parse_fault
 from busemu.ports.port import plug_of
 from busemu.trace import WireEventKind
@@ -20,7 +20,7 @@ class FaultBench(Bench):
         self.faults = Faults(
             self.bus,
             self.robot,
-            lambda number: random.Random(f"{seed}.{number}"),
+            seeded(seed),
             plug_of(self.port),
         )
 

@@ -61,8 +61,9 @@ def test_a_dropped_instruction_is_not_carried_out(model):
     bench.set("goal_position", 300)
 
 
-def test_a_dropped_reply_silences_those_after_it_in_a_sync_read():
-    bench = FaultBench(XL)
+@pytest.mark.parametrize("profile", ["ideal", "instant"])
+def test_a_dropped_reply_silences_those_after_it_in_a_sync_read(profile):
+    bench = FaultBench(XL, profile=profile)
     bench.have("drop", servo=2, count=1)
     assert bench.sync_read("present_position", (1, 2, 3))[0] == TIMEOUT
     assert len(bench.replies()) == 1
@@ -155,6 +156,8 @@ def test_a_reply_delayed_beyond_the_timeout_is_lost_and_does_no_harm_later(model
     for _ in range(10):
         assert bench.look(2)[1] in (OK, TIMEOUT, CORRUPT)
     assert bench.look(2)[1] == OK
+    starts = [event.start_s for event in bench.wire if event.kind is not WireEventKind.FAULT]
+    assert starts == sorted(starts)
 
 
 def test_a_delayed_servo_of_a_sync_read_delays_those_after_it():
@@ -172,8 +175,9 @@ def test_a_delayed_servo_of_a_sync_read_delays_those_after_it():
 
 
 @BOTH
-def test_a_split_reply_has_a_pause_and_is_still_read(model):
-    bench = FaultBench(model)
+@pytest.mark.parametrize("profile", ["ideal", "instant"])
+def test_a_split_reply_has_a_pause_and_is_still_read(model, profile):
+    bench = FaultBench(model, profile=profile)
     value = bench.get("present_position")
     (whole,) = bench.replies()
     bench.wire.clear()
@@ -201,7 +205,7 @@ def test_noise_before_a_reply_is_read_over_and_before_an_instruction_too(model):
     answer = bench.send(bench.packet(1))
     assert len(answer) == 6 + len(whole)
     assert answer.endswith(whole)
-    bench.have("noise", on="instruction", bytes=6, count=1)
+    bench.have("noise", on="instruction", bytes=6)
     assert bench.send(bench.packet(1)) == whole
     assert bench.bus.counts.noise_bytes > 0
 
@@ -254,6 +258,35 @@ def test_a_fault_strikes_only_its_servo_instruction_register_and_time(model):
     assert bench.write("goal_position", 500, 2) == (OK, 0)
     bench.clock.sleep_until(2.1)
     assert answers()
+
+
+@BOTH
+def test_an_instruction_is_struck_alone(model):
+    bench = FaultBench(model)
+    bench.have("drop", instruction="write")
+    assert bench.look()[1] == OK
+    assert bench.write("goal_position", 500)[0] == TIMEOUT
+
+
+@BOTH
+def test_a_refusal_of_a_packet_that_nobody_could_read_answers_no_instruction(model):
+    bench = FaultBench(model)
+    assert bench.look()[1] == OK
+    bench.have("drop", instruction="read")
+    damaged = bytearray(bench.packet(2, (3, 1) if model == AX else (7, 0, 1, 0)))
+    damaged[-1] ^= 1
+    assert bench.send(bytes(damaged))
+    assert bench.words == []
+
+
+def test_a_register_beside_the_one_that_is_read_is_not_touched():
+    bench = FaultBench(XL)
+    bench.have("drop", register="goal_position")
+    place = bench.table["goal_position"]
+    for address in (place.address - 1, place.address + place.size):
+        assert bench.sdk.readTxRx(bench.port, 1, address, 1)[1] == OK
+    for address in range(place.address, place.address + place.size):
+        assert bench.sdk.readTxRx(bench.port, 1, address, 1)[1] == TIMEOUT
 
 
 def test_a_register_is_found_in_a_read_of_a_whole_block():

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import random
 from pathlib import Path
 
 import pytest
 from fault_bench import FaultBench
 from virtual_bus import XL
 
+from busemu.chance import seeded
 from busemu.faults import FaultError, Kind, load_scenario, parse_fault
 from busemu.faults.fault import KEYS
 from busemu.protocol import Instruction
@@ -118,6 +118,7 @@ def test_the_words_of_a_fault_say_what_was_asked_for():
     assert words == "corrupt servo 3, on instruction, bits 2, probability 0.25"
 
 
-def test_random_random_will_do_for_chance():
-    bench = FaultBench(XL)
-    assert isinstance(bench.faults.draw(1), random.Random)
+def test_each_fault_has_numbers_of_its_own_and_the_same_for_the_same_seed():
+    first = [seeded(seed)(number).random() for seed in (1, 2) for number in (1, 2)]
+    assert len(set(first)) == 4
+    assert first == [seeded(seed)(number).random() for seed in (1, 2) for number in (1, 2)]

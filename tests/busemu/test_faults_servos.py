@@ -176,6 +176,7 @@ def test_a_stuck_position_loop_gives_the_duty_of_its_constant_error():
     assert stuck.goal_duty == position_duty(healthy, 0.0) > 0.0
     bench.clear()
     assert plant.last(1) == healthy
+    assert bench.bus.servos[0].plant is plant
 
 
 def test_only_a_model_that_has_the_alarm_raises_it_for_its_encoder():
@@ -233,12 +234,25 @@ def test_an_unplugged_port_fails_as_pyserial_does_and_has_to_be_opened_anew(mode
     assert bench.words == ["unplug: the port is away", "unplug: over"]
 
 
-def test_a_reply_on_its_way_is_lost_with_the_port():
+@pytest.mark.parametrize("after_s", [0.0, 0.005])
+def test_a_reply_on_its_way_is_lost_with_the_port(after_s):
+    """On the wire while the port is away, or in the adapter (for 16 ms) when it goes."""
     bench = FaultBench(XL, profile="ftdi-16ms")
     bench.bus.receive(bench.packet(1), bench.now_s())
-    bench.have("unplug", after_s=0.005, for_s=0.001)
+    bench.have("unplug", after_s=after_s, for_s=0.005)
     assert bench.sleep(1.0) == b""
     assert bench.replies()
+
+
+def test_a_port_that_was_unplugged_twice_comes_back_with_the_last_of_them():
+    bench = FaultBench(XL)
+    first, second = bench.have("unplug"), bench.have("unplug")
+    bench.clear(first)
+    with pytest.raises(serial.SerialException):
+        bench.port.openPort()
+    bench.clear(second)
+    assert bench.port.openPort()
+    assert bench.look()[1] == OK
 
 
 def test_a_port_that_cannot_be_unplugged_says_so():
