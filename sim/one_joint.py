@@ -25,6 +25,7 @@ class OneJointLoad:
     inertia_kg_m2: float  #: of all that moves about the joint's axis
     gravity_nm: float
     centre_rad: float
+    moment_nm: float  #: weight times lever: ``gravity_nm`` if the axis lay level
 
 
 def one_joint_load(
@@ -58,4 +59,5 @@ def one_joint_load(
             f"{robot.name}: inertia_kg_m2 of body {body.name} about its axis is 0: give it one, or "
             "a weight off the axis"
         )
-    return OneJointLoad(inertia, torque, hangs)
+    moment = mass.mass_kg * float(np.linalg.norm(arm) * np.linalg.norm(gravity))
+    return OneJointLoad(inertia, torque, hangs, moment)

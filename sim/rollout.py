@@ -11,7 +11,7 @@ import itertools
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -56,13 +56,29 @@ class Load:
     inertia_kg_m2: float
     sine_nm: Array
     cosine_nm: Array
+    moment_nm: float = 0.0  #: weight times lever: torque of gravity if the axis lay level
 
     @classmethod
-    def pendulum(cls, inertia_kg_m2: float, gravity_nm: float, centre_rad: float) -> Load:
+    def pendulum(
+        cls, inertia_kg_m2: float, gravity_nm: float, centre_rad: float, moment_nm: float
+    ) -> Load:
         """Torque ``-gravity_nm sin(q - centre_rad)``: it hangs at ``centre_rad``."""
         sine = np.array([gravity_nm * np.cos(centre_rad)])
         cosine = np.array([gravity_nm * np.sin(centre_rad)])
-        return cls(inertia_kg_m2, sine, cosine)
+        return cls(inertia_kg_m2, sine, cosine, moment_nm)
+
+    def tilted(self, along_rad: float, across_rad: float) -> Load:
+        """The load on a stand that leans a little, about the joint's axis and across it.
+
+        Across matters to first order only as far as the axis stands upright.
+        """
+        level = min(1.0, float(np.hypot(self.sine_nm[0], self.cosine_nm[0])) / self.moment_nm)
+        upright = np.sqrt(1.0 - level**2)
+        return replace(
+            self,
+            cosine_nm=self.cosine_nm + self.moment_nm * along_rad,
+            sine_nm=self.sine_nm + self.moment_nm * upright * across_rad,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 STEP = 0.02  #: of the finite differences, in units of a knob
 NUISANCE_STEP = 0.2  #: in deviations of its prior
 ROUNDS = 3  #: of fitting and of estimating the noise in turns
+FARTHEST = 4.0  #: deviations of its prior that a nuisance may take: beyond, it is a finding
 ENOUGH = 0.05  #: gain of a step [nats] at which a fit is done
 EDGE = 1e-3  #: how close to a bound a knob counts as at it
 
@@ -41,8 +42,8 @@ class Fit:
 def bounds(model: JointModel, hypothesis: Hypothesis) -> tuple[Floats, Floats]:
     """The least and the greatest value of every number of a vector."""
     count = len(model.nuisances)
-    low = [-8.0] * count + [k.bounds[0] for k in hypothesis.knobs]
-    high = [8.0] * count + [k.bounds[1] for k in hypothesis.knobs]
+    low = [-FARTHEST] * count + [k.bounds[0] for k in hypothesis.knobs]
+    high = [FARTHEST] * count + [k.bounds[1] for k in hypothesis.knobs]
     return np.array(low), np.array(high)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -27,7 +28,7 @@ def _pairs(observed: Sequence[Observed]) -> list[tuple[Observed, Observed]]:
     groups: dict[str, list[Observed]] = {}
     for one in observed:
         groups.setdefault(one.group, []).append(one)
-    return [pair for some in groups.values() for pair in zip(some[:-1], some[1:], strict=True)]
+    return [pair for some in groups.values() for pair in itertools.pairwise(some)]
 
 
 def _spread(one: Observed, other: Observed) -> float | None:

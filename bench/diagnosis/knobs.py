@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from sim.drive import kernel
 from sim.effects import Effect, Parameter, Scope, catalogue
 from sim.robot import PhysicalRobot
-from sim.rollout import Candidate, Load
+from sim.rollout import Candidate
 
 OUTSIDE = frozenset(
     {
@@ -125,15 +125,18 @@ def _zero(candidate: Candidate, x: float) -> Candidate:
 
 
 def _moment(candidate: Candidate, x: float) -> Candidate:
-    load = candidate.load
-    load = Load(load.inertia_kg_m2, load.sine_nm * (1.0 + x), load.cosine_nm * (1.0 + x))
-    return replace(candidate, load=load)
+    load, scale = candidate.load, 1.0 + x
+    sine, cosine = load.sine_nm * scale, load.cosine_nm * scale
+    return replace(candidate, load=replace(load, sine_nm=sine, cosine_nm=cosine))
 
 
 def _inertia(candidate: Candidate, x: float) -> Candidate:
-    load = candidate.load
-    load = Load(load.inertia_kg_m2 * max(0.05, 1.0 + x), load.sine_nm, load.cosine_nm)
-    return replace(candidate, load=load)
+    inertia = candidate.load.inertia_kg_m2 * max(0.05, 1.0 + x)
+    return replace(candidate, load=replace(candidate.load, inertia_kg_m2=inertia))
+
+
+def _lean(along: float, across: float) -> Callable[[Candidate, float], Candidate]:
+    return lambda c, x: replace(c, load=c.load.tilted(along * x, across * x))
 
 
 NUISANCES = (
@@ -150,7 +153,9 @@ NUISANCES = (
     Nuisance(
         "load_inertia", "(ratio)", 0.07, "masses +-5 %, centre +-3 mm, extent of weights", _inertia
     ),
-    Nuisance("zero", "rad", 0.0143, "zero +-1 deg and tilt up to 1 deg", _zero),
+    Nuisance("zero", "rad", 0.0101, "zero +-1 deg", _zero),
+    Nuisance("tilt", "rad", 0.0101, "stand tilted up to 1 deg", _lean(1.0, 0.0)),
+    Nuisance("tilt_across", "rad", 0.0101, "stand tilted up to 1 deg", _lean(0.0, 1.0)),
     Nuisance(
         "sampling",
         "s",
@@ -169,6 +174,17 @@ NUISANCES = (
         "gain", "(ratio)", 0.03, "scale of a gain register; assumed", _scaled(kernel.GAIN_SCALE)
     ),
 )
+
+
+#: effects that are a nuisance without its prior, the nuisance, and the effect's only parameter
+TWINS = {
+    "gain_error": "gain",
+    "zero_offset": "zero",
+    "supply_voltage": "supply",
+    "torque_constant": "torque_constant",
+    "link_mass": "gravity_moment",
+    "read_skew": "sampling",
+}
 
 
 def effect_knobs(effect: Effect, where: Iterable[str] = ()) -> tuple[Knob, ...]:

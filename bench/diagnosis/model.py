@@ -127,7 +127,9 @@ class JointModel:
             robot = with_effects(self._bases[self._conditions[r]], hypothesis.knobs, z.tolist())
             told = one_joint_load(robot)
             hangs = self._mount.to_servo(told.centre_rad)
-            load = Load.pendulum(told.inertia_kg_m2, told.gravity_nm, hangs)
+            load = Load.pendulum(
+                told.inertia_kg_m2, told.gravity_nm, hangs, max(told.moment_nm, 1e-9)
+            )
             rigid = not {"backlash", "joint_compliance"} & set(hypothesis.effects)
             if len(self._made) > REMEMBERED:
                 self._made.clear()

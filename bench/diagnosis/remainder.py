@@ -1,4 +1,4 @@
-"""Is anything left that the recordings agree about?
+"""What is left that the recordings agree about, and no hypothesis predicts.
 
 A free function of the joint's state is fitted to what a hypothesis leaves, on some groups of
 recordings, and judged on the others. What it predicts there is structure the catalogue lacks; what
@@ -86,7 +86,7 @@ def remainder(model: JointModel, blocks: Blocks, seed: int = 0) -> Remainder:
 
 def _scales(model: JointModel, keys: Sequence[int]) -> Floats:
     columns = [_state(model, r) for r in keys]
-    scale: Floats = np.std(np.concatenate(columns), axis=0) + 1e-9
+    scale: Floats = np.asarray(np.std(np.concatenate(columns), axis=0) + 1e-9, np.float64)
     return scale
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sim.effects import Effect
 
 from .fit import Fit, fit, linearise, score
-from .knobs import Knob, effect_knobs
+from .knobs import TWINS, Knob, effect_knobs
 from .model import JointModel
 from .noise import CLIP, whiten
 
@@ -71,10 +71,29 @@ def starts(knobs: Sequence[Knob]) -> list[Floats]:
     return tried
 
 
+def vectors_to_try(
+    model: JointModel, base: Fit, effect: Effect, knobs: Sequence[Knob]
+) -> list[Floats]:
+    """Vectors with an effect on: of several sizes, and in the place of a nuisance like it."""
+    tries = [np.concatenate([base.z, x]) for x in starts(knobs)]
+    names = [n.name for n in model.nuisances]
+    twin = TWINS.get(effect.name)
+    if twin in names and len(knobs) == 1:
+        k = names.index(twin)
+        away = base.z[k] * model.nuisances[k].deviation / knobs[0].unit
+        if knobs[0].parameter.typical < knobs[0].parameter.off:
+            away = -away
+        for part in (0.6, 1.0, 1.5):
+            z = base.z.copy()
+            z[k] = 0.0
+            tries.append(np.append(z, np.clip(part * away, *knobs[0].bounds)))
+    return tries
+
+
 def screen(
     model: JointModel, base: Fit, effects: Iterable[Effect], which: Sequence[int] | None = None
 ) -> list[tuple[float, str, Floats]]:
-    """Effects by how well one try of each fits: gain [nats], name, and values to start from.
+    """Effects by how well one try of each fits: gain [nats], name, and vector to start from.
 
     Every try is one rollout; what nuisances and effects already in could do instead is projected
     out by their tangents, and the noise scaled to what is left.
@@ -99,8 +118,8 @@ def screen(
         if effect.name in base.hypothesis.effects:
             continue
         hypothesis = base.hypothesis + knobs
-        tries = starts(knobs)
-        found = model.residuals(hypothesis, [np.concatenate([base.z, x]) for x in tries], which)
+        tries = vectors_to_try(model, base, effect, knobs)
+        found = model.residuals(hypothesis, tries, which)
         best = (-np.inf, tries[0])
         for x, blocks in zip(tries, found, strict=True):
             rows = [
@@ -108,6 +127,7 @@ def screen(
                 for key, b in blocks.items()
             ]
             gain = 0.5 * len(residual) * float(np.log(before / left(np.concatenate(rows))))
+            gain += 0.5 * float(np.sum(base.z[:count] ** 2) - np.sum(x[:count] ** 2))
             if gain > best[0]:
                 best = (gain, x)
         ranking.append((best[0], effect.name, best[1]))
@@ -129,7 +149,7 @@ def covariances(model: JointModel, found: Fit) -> tuple[Floats, Floats]:
     prior = np.zeros(jacobian.shape[1])
     prior[: len(model.nuisances)] = 1.0
     normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
-    believed = np.linalg.pinv(normal)
+    believed: Floats = np.linalg.pinv(normal)
     return believed, believed @ (scores.T @ scores + np.diag(prior)) @ believed
 
 
@@ -137,13 +157,13 @@ def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
     """How much too narrow the likelihood believes some numbers of a vector to be, at least 1."""
     believed, sandwich = covariances(model, found)
     ratios = [sandwich[k, k] / believed[k, k] for k in knobs if believed[k, k] > 0.0]
-    return max([1.0, *ratios])
+    return float(max([1.0, *ratios]))
 
 
 def confirm(model: JointModel, base: Fit, effect: Effect, start: Floats) -> Gain:
     """Fit a hypothesis with one effect more."""
     hypothesis = base.hypothesis + effect_knobs(effect)
-    found = fit(model, hypothesis, np.concatenate([base.z, start]), base.noise, rounds=2)
+    found = fit(model, hypothesis, start, base.noise, rounds=2)
     own = [
         k
         for k in range(len(base.z), len(found.z))

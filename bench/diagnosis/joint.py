@@ -1,0 +1,275 @@
+"""The diagnosis of one joint: from recordings to a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from busemu.tables import Robot
+from sim.effects import Effect
+from sim.robot import PhysicalRobot
+
+from .fit import EDGE, Fit, block_rms, bounds, estimate_noise, fit
+from .floor import noise_floor
+from .knobs import joint_effects
+from .model import Blocks, Hypothesis, JointModel, Kind
+from .observed import Observed
+from .regimes import localise
+from .remainder import Remainder, remainder
+from .result import Cause, Diagnosis, Estimate, FitSummary
+from .rivals import rivals
+from .search import Progress, covariances, grow, held_out
+
+Floats = NDArray[np.float64]
+
+STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it is none worth a word
+STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
+STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
+SIGNIFICANT = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointFindings:
+    """A diagnosis with what pictures and the improved model are made from."""
+
+    diagnosis: Diagnosis
+    model: JointModel
+    before: Fit
+    after: Fit
+    judge: JointModel  #: recordings not used to fit, or the same when there are none
+
+
+def diagnose_joint(
+    base: PhysicalRobot,
+    robot: Robot,
+    observed: Sequence[Observed],
+    judged: Sequence[Observed] = (),
+    *,
+    effects: Mapping[str, Effect] | None = None,
+    seed: int = 0,
+    say: Progress = lambda _: None,
+) -> JointFindings:
+    """Diagnose one joint on ``observed`` recordings, judge it on ``judged`` ones.
+
+    ``base`` is what the operator believes; ``effects`` the catalogue to choose from.
+    """
+    effects = joint_effects() if effects is None else dict(effects)
+    model = JointModel(base, robot, observed)
+    judge = JointModel(base, robot, judged) if judged else model
+    say("fitting what the operator believes")
+    before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    start_blocks = model.residuals(Hypothesis(), [before.z])[0]
+    floor = noise_floor([*observed, *judged])
+    after, taken, confirmed = grow(model, before, dict(effects), say)
+    causes = []
+    for gain in taken:
+        probability, close, without = rivals(model, after, gain.effect, effects, confirmed, say)
+        outside = gain.held_out
+        if len(taken) > 1:
+            outside = held_out(model, without, after)
+        causes.append(
+            Cause(
+                effect=gain.effect,
+                scope=(observed[0].joint,),
+                parameters=estimates(model, after, gain.effect),
+                held_out_gain_nats=float(outside or 0.0) / gain.inflation,
+                explained_share=_explained(judge, before, without, after, floor),
+                probability=probability,
+                indistinguishable_from=tuple(close),
+            )
+        )
+    say("looking at what is left")
+    blocks = judge.residuals(after.hypothesis, [after.z])[0]
+    rest = remainder(judge, blocks, seed)
+    structured = is_structured(rest, floor)
+    verdict = {
+        (False, False): "consistent",
+        (False, True): "unexplained",
+        (True, False): "explained",
+        (True, True): "partly_explained",
+    }[bool(causes), structured]
+    judged_before = judge.residuals(Hypothesis(), [before.z])[0]
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
+        causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
+        fit=FitSummary(
+            before=block_rms(judged_before, Kind.POSITION),
+            after=block_rms(blocks, Kind.POSITION),
+            noise_floor=floor,
+            held_out=bool(judged),
+            recordings=tuple(o.name for o in (judged or observed)),
+        ),
+        unexplained=_unexplained(judge, blocks, rest, floor, seed) if structured else (),
+        next_experiment=(),
+        limits=_limits(model, after),
+        channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
+        ranking=tuple(
+            {
+                "effect": g.effect,
+                "with": [n for n in g.fit.hypothesis.effects if n != g.effect],
+                "gain_nats": float(g.nats),
+                "inflation": float(g.inflation),
+                "deflated_nats": float(g.deflated),
+            }
+            for g in confirmed
+        ),
+        details={
+            "rollouts": model.rollouts,
+            "nuisances": {
+                n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
+                for n, x in zip(model.nuisances, after.z, strict=False)
+            },
+            "noise": {
+                kind.value: {
+                    "white": noise.white,
+                    "coloured": noise.coloured,
+                    "memory_s": noise.memory_s,
+                }
+                for kind, noise in after.noise.items()
+            },
+            "remainder": {
+                "predicted_rad": rest.predicted_rad,
+                "share": rest.share,
+                "agreeing": rest.agreeing,
+            },
+        },
+    )
+    return JointFindings(diagnosis, model, before, after, judge)
+
+
+def is_structured(rest: Remainder, floor: float) -> bool:
+    """Whether a rest is predictable enough to be called unexplained."""
+    return (
+        rest.predicted_rad > STRUCTURE * floor
+        and rest.share > STRUCTURE_SHARE
+        and rest.agreeing >= STRUCTURE_AGREEING
+    )
+
+
+def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]:
+    """Parameters of an effect with intervals from the sandwich variance, and their state."""
+    believed, sandwich = covariances(model, found)
+    low, high = bounds(model, found.hypothesis)
+    count = len(model.nuisances)
+    spread = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
+    correlation = believed / np.sqrt(np.outer(np.diag(believed), np.diag(believed)) + 1e-300)
+    names = [n.name for n in model.nuisances] + [k.name for k in found.hypothesis.knobs]
+    made = {}
+    for i, knob in enumerate(found.hypothesis.knobs):
+        if knob.effect != effect:
+            continue
+        k = count + i
+        z, deviation = float(found.z[k]), float(max(spread[k], np.sqrt(believed[k, k])))
+        ends = [knob.value(min(high[k], max(low[k], z + s * 1.96 * deviation))) for s in (-1, 1)]
+        other = max((abs(correlation[k, j]), j) for j in range(len(names)) if j != k)
+        if believed[k, k] > 1e6:
+            state = "dead"
+        elif deviation > 3.0 * max(1.0, abs(z)):
+            state = "flat"
+        elif z <= low[k] + EDGE or z >= high[k] - EDGE:
+            state = "at bound"
+        elif other[0] > 0.9:
+            state = f"trade-off with {names[other[1]]}"
+        else:
+            state = "pinned"
+        made[knob.parameter.name] = Estimate(
+            knob.value(z), (min(ends), max(ends)), knob.parameter.unit, state
+        )
+    return made
+
+
+def _explained(judge: JointModel, before: Fit, without: Fit, after: Fit, floor: float) -> float:
+    """Share of the squared misfit above the floor that an effect takes away."""
+    squares = []
+    for found in (before, without, after):
+        blocks = judge.residuals(found.hypothesis, [found.z])[0]
+        squares.append(block_rms(blocks, Kind.POSITION) ** 2)
+    explainable = max(squares[0] - floor**2, 1e-300)
+    return float(np.clip((squares[1] - squares[2]) / explainable, -1.0, 1.0))
+
+
+def _mismatch(
+    model: JointModel, blocks: Blocks, floor: float, seed: int
+) -> tuple[Mapping[str, Any], ...]:
+    return tuple(
+        {
+            "channel": place.channel,
+            "joints": [place.joint],
+            "phase": place.phase,
+            "share": place.share,
+            "p_value": place.p_value,
+            "time_share": place.time_share,
+        }
+        for place in localise(model.observed, blocks, floor, seed)
+        if place.p_value < SIGNIFICANT
+    )
+
+
+def _unexplained(
+    judge: JointModel, blocks: Blocks, rest: Remainder, floor: float, seed: int
+) -> tuple[Mapping[str, Any], ...]:
+    places = [p for p in localise(judge.observed, blocks, floor, seed) if p.p_value < SIGNIFICANT]
+    return (
+        {
+            "channel": "present_position",
+            "joints": [judge.observed[0].joint],
+            "predictable_rad": rest.predicted_rad,
+            "share": rest.share,
+            "where": [place.phase for place in places],
+            "terms": dict(rest.terms),
+        },
+    )
+
+
+def _channels(model: JointModel, before: Blocks, after: Blocks) -> tuple[Mapping[str, Any], ...]:
+    floors = model.floors()
+    words = {
+        Kind.POSITION: "the whole path from goal to motion",
+        Kind.DUTY: "the controller alone, along the recorded angles",
+        Kind.VOLTAGE: "the supply, under the modelled current",
+    }
+    rows = []
+    for kind, floor in floors.items():
+        noise = estimate_noise(model, {k: b for k, b in after.items() if k[1] is kind})
+        rows.append(
+            {
+                "channel": kind.value,
+                "judges": words[kind],
+                "rms_before": block_rms(before, kind),
+                "rms_after": block_rms(after, kind),
+                "rounding": floor,
+                "noise": noise[kind].total if kind in noise else None,
+            }
+        )
+    return tuple(rows)
+
+
+def _limits(model: JointModel, after: Fit) -> tuple[str, ...]:
+    said = []
+    kinds = set(model.floors())
+    if Kind.DUTY not in kinds:
+        said.append(
+            "no load or duty register was read: controller and motor are judged only together"
+        )
+    if Kind.VOLTAGE not in kinds:
+        said.append(
+            "no voltage register was read: a wrong or sagging supply looks like a weak motor"
+        )
+    groups = {o.group for o in model.observed}
+    if len(groups) < 4:
+        said.append(
+            f"{len(groups)} groups of recordings: what holds for one motion may not for another"
+        )
+    if all(
+        abs(o.replay.start[7] - model.observed[0].replay.start[7]) < 1e-9 for o in model.observed
+    ):
+        said.append("one position gain in all recordings: gain and torque are hard to tell apart")
+    far = [n.name for n, x in zip(model.nuisances, after.z, strict=False) if abs(float(x)) > 3.0]
+    if far:
+        said.append("taken far outside of what was believed without being named: " + ", ".join(far))
+    return tuple(said)

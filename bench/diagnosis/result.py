@@ -1,0 +1,157 @@
+"""What a diagnosis says: the answers of ``busemu-diagnosis/1``, as plain data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+FORMAT = "busemu-diagnosis/1"
+VERDICTS = ("consistent", "explained", "partly_explained", "unexplained")
+
+#: effects that say a number was wrong; all others say that physics was missing
+WRONG_VALUES = frozenset(
+    {
+        "coulomb_friction",
+        "com_offset",
+        "gain_error",
+        "leg_geometry",
+        "link_mass",
+        "read_skew",
+        "rotor_inertia",
+        "supply_voltage",
+        "torque_constant",
+        "viscous_friction",
+        "zero_offset",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A parameter with its 95 % interval."""
+
+    value: float
+    ci95: tuple[float, float]
+    unit: str
+    state: str = "pinned"  #: pinned, flat, at bound, dead, or "trade-off with ..."
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another effect that the data cannot tell from the named one."""
+
+    effect: str
+    scope: tuple[str, ...]
+    probability: float
+    behind_nats: float  #: how much less it gains, deflated
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """A named effect with its evidence."""
+
+    effect: str
+    scope: tuple[str, ...]
+    parameters: Mapping[str, Estimate]
+    held_out_gain_nats: float
+    explained_share: float
+    probability: float
+    indistinguishable_from: tuple[Rival, ...] = ()
+
+    @property
+    def kind(self) -> str:
+        """``missing`` or ``wrong_value``."""
+        return "wrong_value" if self.effect in WRONG_VALUES else "missing"
+
+
+@dataclass(frozen=True, slots=True)
+class FitSummary:
+    """Deviation of positions before and after [rad]."""
+
+    before: float
+    after: float
+    noise_floor: float
+    held_out: bool
+    recordings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NextExperiment:
+    """What to record next, what it would tell apart, and how likely it would."""
+
+    experiment: str
+    arguments: Mapping[str, Any]
+    separates: tuple[str, ...]
+    power: float
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """All answers. ``channels`` says of every residual kind how it fared, before and after."""
+
+    verdict: str
+    mismatch: tuple[Mapping[str, Any], ...]
+    causes: tuple[Cause, ...]
+    fit: FitSummary
+    unexplained: tuple[Mapping[str, Any], ...]
+    next_experiment: tuple[NextExperiment, ...]
+    limits: tuple[str, ...]
+    channels: tuple[Mapping[str, Any], ...] = ()
+    rejected: tuple[Mapping[str, Any], ...] = ()  #: names that fit but contradict a channel
+    ranking: tuple[Mapping[str, Any], ...] = ()
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+    def document(self) -> dict[str, Any]:
+        """As ``diagnosis.json`` has it."""
+        return {
+            "format": FORMAT,
+            "verdict": self.verdict,
+            "mismatch": [dict(m) for m in self.mismatch],
+            "causes": [
+                {
+                    "effect": c.effect,
+                    "scope": list(c.scope),
+                    "kind": c.kind,
+                    "parameters": {
+                        name: {
+                            "value": _plain(e.value),
+                            "ci95": [_plain(x) for x in e.ci95],
+                            "unit": e.unit,
+                            "state": e.state,
+                        }
+                        for name, e in c.parameters.items()
+                    },
+                    "held_out_gain_nats": c.held_out_gain_nats,
+                    "explained_share": c.explained_share,
+                    "probability": c.probability,
+                    "indistinguishable_from": [
+                        asdict(r) | {"scope": list(r.scope)} for r in c.indistinguishable_from
+                    ],
+                }
+                for c in self.causes
+            ],
+            "fit": {"metric": "rmse_rad"}
+            | asdict(self.fit)
+            | {"recordings": list(self.fit.recordings)},
+            "unexplained": [dict(u) for u in self.unexplained],
+            "next_experiment": [
+                {
+                    "experiment": n.experiment,
+                    "arguments": dict(n.arguments),
+                    "separates": list(n.separates),
+                    "power": n.power,
+                }
+                for n in self.next_experiment
+            ],
+            "limits": list(self.limits),
+            "channels": [dict(c) for c in self.channels],
+            "rejected": [dict(r) for r in self.rejected],
+            "ranking": [dict(r) for r in self.ranking],
+            "details": dict(self.details),
+        }
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
