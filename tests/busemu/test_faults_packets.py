@@ -271,8 +271,9 @@ def test_an_instruction_is_struck_alone(model):
 @BOTH
 def test_a_refusal_of_a_packet_that_nobody_could_read_answers_no_instruction(model):
     bench = FaultBench(model)
+    bench.have("drop", instruction="read", after_s=0.01)
     assert bench.look()[1] == OK
-    bench.have("drop", instruction="read")
+    bench.sleep(0.01)
     damaged = bytearray(bench.packet(2, (3, 1) if model == AX else (7, 0, 1, 0)))
     damaged[-1] ^= 1
     assert bench.send(bytes(damaged))
