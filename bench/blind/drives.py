@@ -110,10 +110,11 @@ class Drives:
         self._punch = each("punch_duty")
         self._integral = each("integral_gain_per_rad_s")
         self._derivative = each("derivative_gain_s_per_rad")
-        # modes without a position law: a share of full duty, or of the speed without load
-        spin = each("goal_velocity_rad_s") * self.back_emf / self.source_v
-        pwm = np.array([m is OperatingMode.PWM for m in mode])
-        self._open = np.where(pwm, each("goal_duty"), spin)
+        # in velocity mode the law follows a place that moves at the goal's velocity (assumed)
+        spin = np.array([m is OperatingMode.VELOCITY for m in mode])
+        self._spin_rad = np.where(spin, each("goal_velocity_rad_s") * TICK_S, np.nan)
+        self._law = self._place | spin
+        self._open = each("goal_duty")
 
     def tick(self, position_rad: Floats, rotor_rad_s: Floats, t_s: float) -> Floats:
         """One control period: the motors' torque without back-EMF [N m].
@@ -126,12 +127,10 @@ class Drives:
         step = self._speed * TICK_S
         limited = np.isfinite(step)
         way = np.where(limited, step, np.inf)
-        self._at = np.where(
-            self.on,
-            np.where(limited, start + np.clip(self._goal - start, -way, way), self._goal),
-            np.nan,
-        )
-        error = np.where(self.on, self._at - shown, 0.0)
+        placed = np.where(limited, start + np.clip(self._goal - start, -way, way), self._goal)
+        led = np.where(self._place, placed, start + self._spin_rad)
+        self._at = np.where(self.on & self._law, led, np.nan)
+        error = np.where(self.on & self._law, self._at - shown, 0.0)
         ccw = error > 0.0
         beyond = np.abs(error) - np.where(ccw, self._margin[1], self._margin[0])
         gain = np.where(ccw, self._gain[1], self._gain[0]) * self.gain_factor
@@ -139,7 +138,7 @@ class Drives:
         self._sum = np.clip(self._sum + self._integral * error * TICK_S, -1.0, 1.0)
         law = law + self._sum + self._derivative * (error - self._error) / TICK_S
         self._error = error
-        wanted = np.where(self._place, law, self._open)
+        wanted = np.where(self._law, law, self._open)
         self.duty = np.where(self.on, np.clip(wanted, -self._limit, self._limit), 0.0)
         self._rail(rotor_rad_s, t_s)
         driven_a = self.duty * self.rail_v / self.resistance_ohm

@@ -89,7 +89,7 @@ class LegsPlant:
 
     def advance(self, to_s: float) -> None:
         """Simulate up to ``to_s`` [s]."""
-        if to_s < self._now_s:
+        if not to_s >= self._now_s:
             raise ValueError(f"a plant cannot go back from {self._now_s} s to {to_s} s")
         while (self._ticks + 1) * TICK_S <= to_s + ROUNDING_S:
             mujoco.mj_step(self.model, self.data, SUBSTEPS)

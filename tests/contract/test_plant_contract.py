@@ -22,12 +22,20 @@ def bullet() -> Any:
     return world.BulletPlant(load_robot("marvin"), held=True)
 
 
-@pytest.fixture(params=["ideal", "bullet"])
+def mujoco() -> Any:
+    legs = pytest.importorskip("bench.blind.legs")
+    legged = pytest.importorskip("bench.blind.legged")
+    every = tuple(f"leg{i}" for i in range(1, 7))
+    return legs.LegsPlant(load_robot("marvin"), legged.Body(support="suspended", legs=every))
+
+
+@pytest.fixture(params=["ideal", "bullet", "mujoco"])
 def make(request: pytest.FixtureRequest) -> Iterator[Make]:
     made: list[Any] = []
 
     def one() -> Plant:
-        plant = IdealPlant(IDS) if request.param == "ideal" else bullet()
+        others = {"bullet": bullet, "mujoco": mujoco}
+        plant = IdealPlant(IDS) if request.param == "ideal" else others[request.param]()
         made.append(plant)
         return plant
 
