@@ -82,7 +82,7 @@ class JointModel:
         self.observed = tuple(observed)
         joint = observed[0].joint
         self._mount = robot.by_joint[joint]
-        self._index = next(i for i, j in enumerate(base.joints) if j.name == joint)
+        self.index = next(i for i, j in enumerate(base.joints) if j.name == joint)
         self.recorded_supply = tuple(Channel.VOLTAGE in o.channels for o in observed)
         self.nuisances: tuple[Nuisance, ...] = tuple(
             n for n in NUISANCES if n.name != "supply" or not all(self.recorded_supply)
@@ -133,7 +133,7 @@ class JointModel:
             rigid = not {"backlash", "joint_compliance"} & set(hypothesis.effects)
             if len(self._made) > REMEMBERED:
                 self._made.clear()
-            self._made[key] = Candidate.of(robot, self._index, load, rigid=rigid)
+            self._made[key] = Candidate.of(robot, self.index, load, rigid=rigid)
         return self._made[key]
 
     def residuals(
