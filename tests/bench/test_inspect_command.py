@@ -125,4 +125,5 @@ def test_a_long_line_is_thinned_to_its_extremes():
     times, kept = thinned(t_s, values)
     assert len(kept) <= MOST_POINTS
     assert kept.max() == 9.0
+    assert kept.min() == values.min()
     assert times[int(np.argmax(kept))] == pytest.approx(t_s[123_456], abs=0.02)

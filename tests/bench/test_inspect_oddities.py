@@ -108,6 +108,16 @@ def test_a_step_and_a_turn_of_the_encoder_are_no_glitches():
     assert odd.count == int((np.diff(turning) < 0).sum())
 
 
+def test_a_joint_that_trembles_about_the_end_of_its_turn_shows_no_glitches():
+    columns = joint()
+    times, _ = columns["present_position", "read"]
+    trembling = np.where(np.arange(len(times)) % 50 == 25, 4095.0, 1.0)
+    columns["present_position", "read"] = times, trembling
+    assert not found(columns, "glitches")
+    columns["present_position", "read"] = times, np.where(trembling == 1.0, 1.0, 2000.0)
+    assert found(columns, "glitches")
+
+
 def test_a_saturated_register_is_told_with_its_share():
     columns = joint()
     columns["present_pwm", "read"][1][100:130] = 885
@@ -205,6 +215,7 @@ def test_a_gap_in_reads_is_told_and_a_pause_of_writes_is_none():
     (odd,) = found(columns, "gaps")
     assert odd.t_start_s == pytest.approx(4.99, abs=0.02)
     assert odd.t_end_s == pytest.approx(5.31, abs=0.02)
+    assert not found(columns, "clock_jump")
 
 
 def test_a_clock_that_jumps_is_no_gap():

@@ -115,7 +115,7 @@ def test_a_list_of_joints_replaced_by_any_text(tmp_path_factory, cell, row):
         (b"time_us,reg30,reg30\n0,1,2\n", "column 'reg30' is there twice"),
         (b"time_us,reg30\n", "no rows below the header"),
         (b"time_us,reg30\n0,1,2\n", "row 1 "),
-        (b"time_us,reg30\n0,1\n,2\n", "row 2 "),
+        (b"time_us,reg30\n0,1\n,2\n", "row 2 (line 3 with the header): time_us is missing"),
         (b"time_us,reg30\n0,900\n", "is no byte"),
         (b"time_us,reg30\n0,x\n", "'x' is not a number"),
     ],
