@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from busemu.assemble import assemble
 from busemu.plant import ideal
 from busemu.ports.pty import PtyPort
-from busemu.protocol import Instruction, InstructionPacket, v1, v2
+from busemu.protocol import Framer, Instruction, InstructionPacket, StatusPacket, v1, v2
 from busemu.serve import ServerState, Station, prepare_process, serve
 from busemu.tables import load_robot
 from busemu.timing import load_profile
@@ -29,6 +31,8 @@ from .running import Steering, in_process, on_port, walk_in
 
 Row = list[str]
 US = 1e6
+#: A client reads for so long at most [s].
+READ_S = 6.0
 
 ECHO = """
 import os, sys, tty
@@ -46,8 +50,10 @@ def main() -> None:
     rows: list[Row] = []
     for name, measure in (
         ("round trip", round_trips),
+        ("codec", codecs),
         ("walks", walks),
         ("punctuality", lateness),
+        ("four buses", four_buses),
     ):
         print(f"measuring {name} ...", flush=True)
         rows += measure()
@@ -167,6 +173,70 @@ def walks() -> list[Row]:
     return rows
 
 
+def codecs() -> list[Row]:
+    """Status packets from whole frames, against the SDK's parser on the same bytes.
+
+    Once with frames that come again, as the replies of joints at rest and most instructions do, and
+    once with frames that never do.
+    """
+    from dynamixel_sdk import PacketHandler  # noqa: PLC0415 - the floor
+
+    rows = []
+    for protocol, encode in ((1.0, v1.encode_status), (2.0, v2.encode_status)):
+        sdk = PacketHandler(protocol)
+        framer = Framer(protocol, role="host")
+
+        def theirs(frame: bytes, sdk: Any = sdk, two: bool = protocol == 2.0) -> None:
+            sdk.rxPacket(Frame(frame), False) if two else sdk.rxPacket(Frame(frame))
+
+        def all_frames(seed: int, encode: Any = encode) -> list[bytes]:
+            chance = random.Random(seed)
+            return [encode(StatusPacket(i % 18 + 1, 0, chance.randbytes(4))) for i in range(1000)]
+
+        floor = _each_us(theirs, [all_frames(0)] * 9)
+        for what, batches in (
+            ("that repeat", [all_frames(0)] * 9),
+            ("that never repeat", [all_frames(1 + i) for i in range(9)]),
+        ):
+            here = _each_us(framer.feed, batches)
+            rows.append(
+                _row(f"protocol {protocol}: frames {what}", here, floor, "us", "SDK's parser")
+            )
+    return rows
+
+
+class Frame:
+    """A port of the SDK in which one whole frame lies ready."""
+
+    is_using = False
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+
+    # The SDK's names are camelCase.
+    # ruff: noqa: N802
+
+    def readPort(self, length: int) -> bytes:
+        """The next bytes."""
+        data, self._data = self._data[:length], self._data[length:]
+        return data
+
+    def isPacketTimeout(self) -> bool:
+        """Never: all is there."""
+        return False
+
+
+def _each_us(act: Callable[[bytes], object], batches: list[list[bytes]]) -> float:
+    """Time of one call [us]: the median over batches."""
+    times = []
+    for batch in batches:
+        start = time.perf_counter()
+        for frame in batch:
+            act(frame)
+        times.append((time.perf_counter() - start) / len(batch))
+    return statistics.median(times) * US
+
+
 def lateness() -> list[Row]:
     """How late replies leave with physics running, against a bare sleep of the same length."""
     rows = []
@@ -200,6 +270,43 @@ def lateness() -> list[Row]:
     return rows
 
 
+def four_buses() -> list[Row]:
+    """Processor time that four buses of 18 servos take in a second of theirs, physics on.
+
+    Each is read one position after another, as fast as its timing lets it. With less than a second
+    one thread keeps up. Processor time, so that other work on the machine does not count.
+    """
+    names = ["marvin", "phantomx"] * 2
+    robots = [load_robot(name) for name in names]
+    plants = [BulletPlant(robot) for robot in robots]
+    buses = [
+        assemble(robot, plant, load_profile(robot.timing))
+        for robot, plant in zip(robots, plants, strict=True)
+    ]
+    asked = []
+    for robot in robots:
+        register = robot.tables[1]["present_position"]
+        width, encode = (
+            (1, v1.encode_instruction) if robot.protocol == 1.0 else (2, v2.encode_instruction)
+        )
+        about = register.address.to_bytes(width, "little") + register.size.to_bytes(width, "little")
+        asked.append(encode(InstructionPacket(1, Instruction.READ, about)))
+    reads, begun_s = 0, time.process_time()
+    for step in range(2000):
+        now_s = (step + 1) * 1e-3
+        for bus, request in zip(buses, asked, strict=True):
+            bus.poll(now_s)
+            bus.advance_plant(now_s)
+            if bus.next_reply_s() is None and bus.line_free_s <= now_s:
+                bus.receive(request, now_s)
+                reads += 1
+    took_s = (time.process_time() - begun_s) / 2
+    for plant in plants:
+        plant.close()
+    what = f"4 buses of 18, {reads // 2} reads/s: a second of them"
+    return [_row(what, took_s * 1e3, 1e3, "ms", "a second of one processor")]
+
+
 class _DoneError(Exception):
     def __init__(self, state: ServerState) -> None:
         super().__init__("measured")
@@ -207,12 +314,15 @@ class _DoneError(Exception):
 
 
 def read_for_a_while(name: str, path: str) -> None:
-    """Read one position after another, through the SDK."""
+    """Read one position after another, through the SDK, for some seconds at most."""
     robot = load_robot(name)
     with on_port(robot, path) as session:
         client = session.client
         client.on_access = None
+        end_s = time.monotonic() + READ_S
         for _ in range(1500):
+            if time.monotonic() > end_s:
+                break
             with contextlib.suppress(BusError):  # a stall of the machine; the medians tell
                 client.read(1, "present_position")
 

@@ -144,10 +144,12 @@ def serve(
             continue
         if behind_s > SLICE_S:
             state.physics_late_s = max(state.physics_late_s, behind_s)
-        elif tell is not None and now_s >= tell_s:
+        if tell is not None and now_s >= tell_s:  # also when it is behind for good
             tell(state)
             state.physics_late_s = 0.0
             tell_s = now_s + every_s
+        elif behind_s > SLICE_S:
+            continue
         elif now_s >= unlock_s:
             for station in stations:
                 station.port.unlock()
