@@ -22,7 +22,7 @@ from ..running import Session, Steering, walk_in
 from .experiment import Choice, ExperimentError, Progress, Trial
 from .gait_phase import Cycles, cycles, feet_m
 from .locomotion_result import JointCourse, LegCourse, Locomotion, Walk
-from .motion import observe
+from .motion import observe, read_law
 from .position_error import TorqueSensor
 from .series import Floats, observed, robot_of, samples, span_s
 
@@ -80,6 +80,7 @@ class LocomotionExperiment:
             float(wanted["v_right"]),
             seed=trial.seed,
         )
+        read_law(session, tuple(session.robot.by_joint))
         observe(session, OBSERVE_S, lambda name: not name.endswith("_rad") or "base" in name)
         try:
             report, finished = walk_in(

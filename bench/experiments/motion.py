@@ -22,6 +22,7 @@ from hal.walk import (
 
 from ..running import Session
 from .experiment import ExperimentError, Progress
+from .position_error import LAW_REGISTERS
 
 #: Slow registers (voltage, shutdown, load) are read this often [s]; the servo renews its load
 #: every 130 ms (the thesis's figure 2).
@@ -53,6 +54,7 @@ class Motion:
         tables = session.robot.tables
         self._slow = [(name, [i for i in self._watched.ids if name in tables[i]]) for name in slow]
         self.goals_rad = dict(zip(self.control.joints, self._first_positions(), strict=True))
+        self.law_registers = read_law(session, watched)  #: raw, by joint and name
 
     def go(self, goals_rad: Mapping[str, float], seconds: float, *, smooth: bool = True) -> None:
         """Move joints to goals [rad] within ``seconds``: starting and ending gently, or evenly."""
@@ -155,6 +157,19 @@ def _let_go(control: RobotControl) -> tuple[str, ...]:
         return control.torque_off()
     except KeyboardInterrupt:
         return control.torque_off()
+
+
+def read_law(session: Session, joints: Sequence[str]) -> dict[str, dict[str, int]]:
+    """Read the registers that make the joints' position laws; raw values by joint and name."""
+    robot = session.robot
+    ids = [robot.by_joint[joint].servo_id for joint in joints]
+    found: dict[str, dict[str, int]] = {joint: {} for joint in joints}
+    for register in LAW_REGISTERS:
+        there = [servo_id for servo_id in ids if register in robot.tables[servo_id]]
+        for servo_id, raw in session.client.read_all(register, there).items() if there else ():
+            if raw is not None:
+                found[robot.by_id[servo_id].joint][register] = raw
+    return found
 
 
 def shutdown_registers(robot: Robot) -> tuple[str, ...]:

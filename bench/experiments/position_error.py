@@ -27,8 +27,23 @@ from ..recording import Recording, RecordingError
 
 Floats = NDArray[np.float64]
 
-#: Registers that say where to go and whether, and nothing of how: they do not change the law.
-NOT_THE_LAW = frozenset({"goal_position", "torque_enable", "torque_limit", "moving_speed"})
+#: Registers that make the position law, of all families of models. An experiment reads them first,
+#: so that its recording tells what they were.
+LAW_REGISTERS = (
+    "cw_compliance_margin",
+    "ccw_compliance_margin",
+    "cw_compliance_slope",
+    "ccw_compliance_slope",
+    "punch",
+    "p_gain",
+    "i_gain",
+    "d_gain",
+    "max_torque",
+    "position_p_gain",
+    "position_i_gain",
+    "position_d_gain",
+    "pwm_limit",
+)
 
 #: A joint has turned back when it has gone so many counts the other way: one is noise. Assumed.
 TURNED_COUNTS = 1.5
@@ -82,15 +97,19 @@ class TorqueSensor:
 
     @classmethod
     def of_recording(cls, recording: Recording, robot: Robot, joint: str) -> TorqueSensor:
-        """The sensor of a joint with the registers that a recording's metadata and writes give."""
+        """The sensor of a joint with the registers that a recording tells.
+
+        The last that was read or written; else the metadata's; else the factory's.
+        """
         mount = robot.by_joint.get(joint)
         if mount is None:
             raise RecordingError(recording.path, f"no joint {joint!r} on {robot.name}")
         servo = recording.metadata.get("servo", {}).get(str(mount.servo_id), {})
         registers = dict(servo.get("registers", {}))
-        for servo_id, name, op in recording.by_series:
-            if servo_id == mount.servo_id and op == "write" and name not in NOT_THE_LAW:
-                registers[name] = int(recording.series(servo_id, name, "write").value[-1])
+        for name in LAW_REGISTERS:
+            told = recording.series(mount.servo_id, name).value
+            if len(told):
+                registers[name] = int(told[-1])
         return cls.of(robot, mount, registers)
 
     @property

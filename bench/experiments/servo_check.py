@@ -98,13 +98,13 @@ class ServoCheckExperiment:
         joint = str(trial.condition["joint"])
         leg = joint.partition(".")[0]
         mount = robot.by_joint[joint]
-        sensor = TorqueSensor.of(robot, mount, mount.registers)
-        depth_rad = PAST * sensor.full_error_rad
         rng = np.random.default_rng(trial.seed)
         slow = ("present_load", "present_voltage", *shutdown_registers(robot))
         observe(session, OBSERVE_S, {f"rig/{joint}_nm", f"rig/{joint}_rad"}.__contains__)
         spans: list[float] = []
         with moving(session, [joint], progress, slow) as motion:
+            sensor = TorqueSensor.of(robot, mount, motion.law_registers[joint])
+            depth_rad = PAST * sensor.full_error_rad
             motion.go({f"{leg}.{part}": angle for part, angle in MAST.items()}, RAISE_S)
             for side in (-1.0, 1.0):
                 blocked_rad = _find_block(motion, joint, side, sensor.count_rad)

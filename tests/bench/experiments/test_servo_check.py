@@ -81,20 +81,22 @@ def test_a_block_that_gives_way_is_told(checked):
     assert any("only to 0.050 rad on one side" in finding for finding in weak.findings())
 
 
-def test_a_joint_that_only_lags_is_not_taken_for_a_blocked_one(tmp_path):
-    """A host that stalls for a moment: the goal must not leap, nor the search end early."""
+@pytest.mark.parametrize("trouble", ["a host that stalls", "a soft servo that lags"])
+def test_a_joint_that_only_lags_is_not_taken_for_a_blocked_one(trouble, tmp_path):
     robot = load_robot("marvin")
     plant = BulletPlant(robot, held=True)
     try:
         session = in_process(robot, plant, load_profile(robot.timing))
-        stalls = iter([2.0, 2.6, 3.2])
-        due = [next(stalls)]
+        stalls = iter([2.0, 2.6, 3.2] if trouble == "a host that stalls" else [])
+        due = [next(stalls, math.inf)]
 
         def stall(run_s):
-            if due and run_s > due[0]:
+            if run_s > due[0]:
                 session.clock.sleep_until(session.clock.now_s() + 0.15)
                 due[0] = next(stalls, math.inf)
 
+        if trouble == "a soft servo that lags":
+            session.client.write(robot.by_joint["leg6.coxa"].servo_id, "p_gain", 8)
         (trial,) = campaign("servo-check", "marvin", tmp_path).trials
         found = EXPERIMENTS["servo-check"].run(session, trial, stall)
         recording = session.recording("stalled", "servo-check", **trial.facts(), **found)
@@ -105,6 +107,14 @@ def test_a_joint_that_only_lags_is_not_taken_for_a_blocked_one(tmp_path):
     for start_s, end_s in spans_s(recording, "pressing_s"):
         inside = (track.position_t_s > start_s) & (track.position_t_s < end_s)
         assert np.abs(track.position_rad[inside]).mean() == pytest.approx(stop_rad, abs=0.02)
+    result = EXPERIMENTS["servo-check"].evaluate([recording])
+    gain = 8 if trouble == "a soft servo that lags" else 32
+    per_unit = robot.tables[1].drive["p_gain_duty_per_rad"]
+    assert result.sensor.law.gain_ccw_per_rad == pytest.approx(gain * per_unit)
+    current_a = result.sensor.drive.data_sheet.stall_current_a
+    sag = robot.document["supply"]["resistance_ohm"]["value"] * current_a / result.supply_v
+    bound = one_count(result) + sag
+    assert result.line.slope == pytest.approx(result.expected_slope_nm_rad, rel=bound)
 
 
 def test_without_an_observer_the_law_alone_is_found(checked):
