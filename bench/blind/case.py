@@ -14,9 +14,10 @@ from bench.motions import ExperimentPlan
 from .changes import Setting, Truth
 from .effects import EFFECTS, Effect
 from .instant import OPEN, Gate, GateKind
+from .mimic import ALIKE, Rival, nearest_rival
 from .nuisances import Nuisances, Passing, draw_nuisances
 from .rigs import RIGS, STYLES
-from .sizing import RATIOS, Ground, effect_named, noise_floor, size_for
+from .sizing import RATIOS, Ground, Size, effect_named, noise_floor, size_for
 from .specimen import Specimen
 from .unlisted import STRANGERS
 
@@ -121,6 +122,7 @@ class Case:
     ordinary: tuple[Hidden, ...]
     nuisances: Nuisances
     disguised: bool
+    rival: Rival | None = None  #: of the first effect, where that is mimicked
 
     def specimen(self, plan: ExperimentPlan, passing: Passing | None = None) -> Specimen:
         """The hidden specimen as it is in one recording."""
@@ -161,7 +163,8 @@ def draw(seed: int, asked: Asked | None = None) -> Case:
             return case
     raise ValueError(
         f"no case in {DRAWS} draws: {', '.join(asked.effects) or kind.value} does not reach "
-        "the ratio asked for on such a rig: ask for a smaller ratio, or leave the rig open"
+        "the ratio asked for on such a rig, or no rival is like it where it shall be mimicked: "
+        "ask for a smaller ratio, or leave rig and concealment open"
     )
 
 
@@ -197,6 +200,12 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
         if found is None:
             return None
         hidden.append(found)
+    rival = None
+    if concealment is Concealment.MIMICKED:
+        first = hidden[0]
+        rival = nearest_rival(where.key, first.name, Size(first.size, first.ratio), first.how)
+        if rival is None or rival.unlike > ALIKE:
+            return None
     ordinary: tuple[Hidden, ...] = ()
     if concealment is Concealment.MASKED:
         ordinary = (_mask(where, names, random),)
@@ -215,6 +224,7 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
         ordinary=ordinary,
         nuisances=dataclasses.replace(nuisances, **plain),
         disguised=disguised and bool(hidden),
+        rival=rival,
     )
 
 

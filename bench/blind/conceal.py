@@ -1,4 +1,4 @@
-"""Concealment that has to be measured: rivals that mimic, and a disguise of the raw misfit."""
+"""A disguise of the raw misfit: that of a case is made to look like a null's."""
 
 from __future__ import annotations
 
@@ -7,36 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from .case import Case, Concealment, Hidden
+from .case import Case, Hidden
 from .changes import Setting
 from .effects import POSITION
-from .sizing import change, observe, rms, size_for, traces
+from .sizing import observe, rms, traces
 
 TORQUE_FACTORS = (0.90, 0.95, 1.0, 1.05, 1.10)
 LIKE = 0.10  #: raw misfits within 10 % of each other pass for one
-
-
-def rival(case: Case) -> dict[str, Any]:
-    """The rival that comes nearest to the trace of a mimicked case's first effect.
-
-    ``unlike`` is the RMS of the difference as a share of the effect's own: 0 is a perfect mimic.
-    """
-    if case.concealment is not Concealment.MIMICKED or not case.hidden:
-        return {}
-    hidden = case.hidden[0]
-    key = case.ground.key
-    true = change(key, hidden.name, hidden.size, hidden.how)
-    best: dict[str, Any] = {}
-    for name in hidden.effect.rivals:
-        for sign in (-1, 1):
-            how = Setting(sign)
-            found = size_for(key, name, hidden.ratio, how)
-            if found is None:
-                continue
-            unlike = rms(true - change(key, name, found.size, how)) / rms(true)
-            if not best or unlike < best["unlike"]:
-                best = {"effect": name, "size": found.size, "sign": sign, "unlike": unlike}
-    return best
 
 
 def raw_rmse(case: Case, hidden: tuple[Hidden, ...]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -17,7 +18,7 @@ from bench.recording.metadata import FORMAT
 from .believed import JOINT, robot_toml
 from .case import Asked, Case, Kind, draw
 from .changes import Truth
-from .conceal import disguise, rival
+from .conceal import disguise
 from .legged_case import LeggedCase, draw_legged, legged_floor, nuisance_document, passing
 from .measure import Measured, record
 from .scenes import SCENES, Plan, Played, play
@@ -116,7 +117,7 @@ class JointDraft:
             "effects": told[len(case.ordinary) :],
             "ordinary": told[: len(case.ordinary)],
             "nuisances": case.nuisances.document(),
-            "rival": rival(case),
+            "rival": dataclasses.asdict(case.rival) if case.rival else {},
             "disguise": self._guise,
             "noise_floor_rad": noise_floor(where.key),
             "quantum_rad": where.rig.sheet.step_rad,

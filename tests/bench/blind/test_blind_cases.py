@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import bench.blind.case
 import bench.blind.cases
 import bench.blind.drafts
 from bench.blind import (
@@ -23,9 +24,11 @@ from bench.blind import (
     rerun,
     write_case,
 )
+from bench.blind.changes import Setting
 from bench.blind.conceal import disguise
 from bench.blind.effects import EFFECTS
-from bench.blind.sizing import noise_floor
+from bench.blind.mimic import ALIKE, nearest_rival
+from bench.blind.sizing import noise_floor, size_for
 from bench.blind.unlisted import STRANGERS
 from bench.motions import ExperimentPlan, motion
 from bench.recording import read
@@ -229,7 +232,22 @@ def test_mimicked_case_names_its_rival(tmp_path: Path) -> None:
     )
     key = open_key(write_case(tmp_path / "mimic", 2, SECRET, wish), SECRET)
     assert key["rival"]["effect"] == "transport_delay"
-    assert 0.0 < key["rival"]["unlike"] < 0.5
+    assert 0.0 < key["rival"]["unlike"] < ALIKE
+
+
+def test_case_whose_rivals_are_unlike_is_not_called_mimicked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(bench.blind.case, "DRAWS", 2)
+    key = ("xl330-turntable", "fast", "slow")
+    at = size_for(key, "backlash", 3.0, Setting())
+    assert at is not None
+    found = nearest_rival(key, "backlash", at, Setting())
+    assert found is not None
+    assert found.unlike > ALIKE
+    wish = {"rig": key[0], "programme": key[1], "style": key[2], "ratio": 3.0}
+    with pytest.raises(ValueError, match="or no rival is like it"):
+        draw(1, Asked(kind="single", effects=("backlash",), concealment="mimicked", **wish))
 
 
 def test_disguise_brings_the_raw_misfit_to_a_nulls() -> None:
