@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from .rigs import RIGS, STYLES
 from .sizing import RATIOS, Ground, Size, effect_named, noise_floor, size_for
 from .specimen import Specimen
 from .unlisted import STRANGERS
+
+T = TypeVar("T")
 
 
 class Kind(enum.Enum):
@@ -175,11 +178,18 @@ def _any(
     return choices[int(random.choice(len(choices), p=share))]
 
 
+def _named(what: str, known: Mapping[str, T], name: str) -> T:
+    """One of the known by its name. Raises ``ValueError`` with those there are."""
+    if name not in known:
+        raise ValueError(f"no {what} named {name!r}: use one of {', '.join(known)}")
+    return known[name]
+
+
 def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Case | None:
-    rig = RIGS[asked.rig or _any(random, list(RIGS))]
-    style = STYLES[asked.style or _any(random, list(STYLES), [0.6, 0.2, 0.2])]
+    rig = _named("rig", RIGS, asked.rig or _any(random, list(RIGS)))
+    style = _named("style", STYLES, asked.style or _any(random, list(STYLES), [0.6, 0.2, 0.2]))
     programmes = {p.name: p for p in rig.programmes()}
-    programme = programmes[asked.programme or _any(random, list(programmes))]
+    programme = _named("programme", programmes, asked.programme or _any(random, list(programmes)))
     where = Ground(rig, programme, style)
     if asked.concealment:
         concealment = Concealment(asked.concealment)

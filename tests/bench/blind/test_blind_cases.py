@@ -280,3 +280,9 @@ def test_key_is_plain_json_without_infinities(key: dict[str, Any]) -> None:
     assert key["effects"][0]["effect"] == "dead_zone"
     assert key["effects"][0]["wanted_ratio"] == 8.0
     assert key["effects"][0]["parameters"]["margin_rad"]["unit"] == "rad"
+
+
+@pytest.mark.parametrize("what", ["rig", "style", "programme"])
+def test_unknown_wish_is_refused_with_what_there_is(what: str) -> None:
+    with pytest.raises(ValueError, match=f"no {what} named 'moon': use one of "):
+        draw(1, Asked(**{what: "moon"}))
