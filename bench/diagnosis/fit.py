@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from .knobs import TWINS
 from .model import Blocks, Hypothesis, JointModel, Kind
 from .noise import CLIP, Block, Noise, cost, estimate, whiten
 
@@ -18,7 +19,8 @@ STEP = 0.02  #: of the finite differences, in units of a knob
 NUISANCE_STEP = 0.2  #: in deviations of its prior
 ROUNDS = 3  #: of fitting and of estimating the noise in turns
 FARTHEST = 4.0  #: deviations of its prior that a nuisance may take: beyond, it is a finding
-ENOUGH = 0.05  #: gain of a step [nats] at which a fit is done
+DAMPINGS = (1e-3, 0.03, 1.0, 30.0)  #: factors on the damping that are tried together
+ENOUGH = 0.3  #: gain of a step [nats] at which a fit is done
 EDGE = 1e-3  #: how close to a bound a knob counts as at it
 
 
@@ -40,10 +42,14 @@ class Fit:
 
 
 def bounds(model: JointModel, hypothesis: Hypothesis) -> tuple[Floats, Floats]:
-    """The least and the greatest value of every number of a vector."""
-    count = len(model.nuisances)
-    low = [-FARTHEST] * count + [k.bounds[0] for k in hypothesis.knobs]
-    high = [FARTHEST] * count + [k.bounds[1] for k in hypothesis.knobs]
+    """The least and the greatest value of every number of a vector.
+
+    A nuisance stays at 0 where an effect of the same kind is on.
+    """
+    idle = {TWINS[name] for name in hypothesis.effects if name in TWINS}
+    reach = [0.0 if n.name in idle else FARTHEST for n in model.nuisances]
+    low = [-r for r in reach] + [k.bounds[0] for k in hypothesis.knobs]
+    high = reach + [k.bounds[1] for k in hypothesis.knobs]
     return np.array(low), np.array(high)
 
 
@@ -120,7 +126,7 @@ def fit(
     noise: Mapping[Kind, Noise] | None = None,
     which: Sequence[int] | None = None,
     rounds: int = ROUNDS,
-    evaluations: int = 10,
+    evaluations: int = 8,
 ) -> Fit:
     """Fit a hypothesis from ``start`` on some recordings (all)."""
     low, high = bounds(model, hypothesis)
@@ -178,7 +184,7 @@ def _least_squares(
         slope = jacobian.T @ (weight * residual) + prior * z
         scale = np.maximum(np.diag(normal), 1e-9)
         tried = []
-        for factor in (0.1, 1.0, 10.0, 100.0):
+        for factor in DAMPINGS:
             system = normal + np.diag(damping * factor * scale)
             root = np.linalg.cholesky(system).T
             wanted = np.linalg.solve(root.T, -slope)
@@ -193,19 +199,30 @@ def _least_squares(
             continue
         gained, now = now - values[best], values[best]
         z = tried[best]
-        damping = max(1e-6, damping * (0.1, 0.3, 3.0, 30.0)[best])
+        damping = max(1e-6, damping * DAMPINGS[best])
         if gained < ENOUGH:
             break
     return z
 
 
-def score(model: JointModel, found: Fit, which: Sequence[int]) -> dict[int, float]:
-    """Log-likelihood [nats] of recordings the fit may never have seen, by recording."""
+@dataclass(frozen=True, slots=True)
+class Score:
+    """How a fit does on some recordings: log-likelihood [nats], and squares of residuals."""
+
+    nats: float
+    squares: Mapping[Kind, float]  #: summed
+    count: Mapping[Kind, int]
+
+
+def score(model: JointModel, found: Fit, which: Sequence[int]) -> Score:
+    """How a fit does on recordings it may never have seen."""
     blocks = model.residuals(found.hypothesis, [found.z], which)[0]
-    by_recording: dict[int, float] = dict.fromkeys(which, 0.0)
-    for (r, _), value in block_costs(blocks, found.noise).items():
-        by_recording[r] -= value
-    return by_recording
+    squares: dict[Kind, float] = {}
+    count: dict[Kind, int] = {}
+    for (_, kind), block in blocks.items():
+        squares[kind] = squares.get(kind, 0.0) + float(np.sum(block.value**2))
+        count[kind] = count.get(kind, 0) + len(block.value)
+    return Score(-sum(block_costs(blocks, found.noise).values()), squares, count)
 
 
 def block_rms(blocks: Mapping[tuple[int, Kind], Block], kind: Kind) -> float:

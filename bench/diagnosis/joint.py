@@ -22,7 +22,7 @@ from .regimes import localise
 from .remainder import Remainder, remainder
 from .result import Cause, Diagnosis, Estimate, FitSummary
 from .rivals import rivals
-from .search import Progress, covariances, grow, held_out
+from .search import Progress, covariances, grow, held_out, score_outside
 
 Floats = NDArray[np.float64]
 
@@ -64,19 +64,22 @@ def diagnose_joint(
     before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
     start_blocks = model.residuals(Hypothesis(), [before.z])[0]
     floor = noise_floor([*observed, *judged])
-    after, taken, confirmed = grow(model, before, dict(effects), say)
+    floors = {kind: noise.total for kind, noise in before.noise.items()} | {Kind.POSITION: floor}
+    after, taken, confirmed = grow(model, before, dict(effects), say, floors)
+    whole = score_outside(model, after) if len(taken) > 1 else []
     causes = []
     for gain in taken:
         probability, close, without = rivals(model, after, gain.effect, effects, confirmed, say)
         outside = gain.held_out
-        if len(taken) > 1:
-            outside = held_out(model, without, after)
+        if whole:
+            outside = held_out(score_outside(model, without), whole, floors)
+        assert outside is not None
         causes.append(
             Cause(
                 effect=gain.effect,
                 scope=(observed[0].joint,),
                 parameters=estimates(model, after, gain.effect),
-                held_out_gain_nats=float(outside or 0.0) / gain.inflation,
+                held_out_gain_nats=outside.nats / gain.inflation,
                 explained_share=_explained(judge, before, without, after, floor),
                 probability=probability,
                 indistinguishable_from=tuple(close),

@@ -29,15 +29,17 @@ def rivals(
     """Probability of an effect among all fitted in its place, those close, the fit without it."""
     say(f"what {name} could be instead")
     without, own = drop(model, now, name)
-    others = [e for n, e in effects.items() if n != name and n not in without.hypothesis.effects]
     gains: dict[str, float] = {}
-    for _, other, start in screen(model, without, others)[:TRIED]:
-        found = confirm(model, without, effects[other], start)
-        gains[other] = found.deflated
-    if len(now.hypothesis.effects) == 1:  # found in the first step, with the same base
+    if len(now.hypothesis.effects) == 1:  # the search has fitted them already
         for gain in known:
             if gain.effect != name and gain.fit.hypothesis.effects == (gain.effect,):
-                gains[gain.effect] = max(gains.get(gain.effect, -np.inf), gain.deflated)
+                gains[gain.effect] = gain.deflated
+    else:
+        others = [
+            e for n, e in effects.items() if n != name and n not in without.hypothesis.effects
+        ]
+        for _, other, start in screen(model, without, others)[:TRIED]:
+            gains[other] = confirm(model, without, effects[other], start).deflated
     weights = {other: float(np.exp(TEMPER * min(0.0, g - own))) for other, g in gains.items()}
     total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * own))
     close = [

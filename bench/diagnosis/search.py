@@ -9,7 +9,7 @@ the same ratio). Then it must hold on recordings the fit has not seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from sim.effects import Effect
 
-from .fit import Fit, fit, linearise, score
+from .fit import Fit, Score, fit, linearise, score
 from .knobs import TWINS, Knob, effect_knobs
-from .model import JointModel
+from .model import JointModel, Kind
 from .noise import CLIP, whiten
 
 Floats = NDArray[np.float64]
@@ -28,10 +28,14 @@ Progress = Callable[[str], None]
 
 SIZES = (0.05, 0.2, 0.7, 2.0)  #: of amplitudes, in typical sizes, at which an effect is tried
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
-CONFIRMED = 6  #: how many of the screened effects are fitted in a step
+SURE, CONFIRMED = 3, 6  #: how many of the screened effects are fitted in a step, at least, at most
+PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
 STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
+RELIEF = (
+    0.04  #: of the squared noise floor that it must take off the mean square of some kind there
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +46,7 @@ class Gain:
     fit: Fit
     nats: float  #: as the likelihood has it
     inflation: float  #: what it must be divided by, at least 1
-    held_out: float | None = None  #: on recordings not used to fit [nats]
+    held_out: Outside | None = None  #: on recordings not used to fit
 
     @property
     def deflated(self) -> float:
@@ -75,19 +79,18 @@ def vectors_to_try(
     model: JointModel, base: Fit, effect: Effect, knobs: Sequence[Knob]
 ) -> list[Floats]:
     """Vectors with an effect on: of several sizes, and in the place of a nuisance like it."""
-    tries = [np.concatenate([base.z, x]) for x in starts(knobs)]
     names = [n.name for n in model.nuisances]
     twin = TWINS.get(effect.name)
-    if twin in names and len(knobs) == 1:
-        k = names.index(twin)
-        away = base.z[k] * model.nuisances[k].deviation / knobs[0].unit
-        if knobs[0].parameter.typical < knobs[0].parameter.off:
-            away = -away
-        for part in (0.6, 1.0, 1.5):
-            z = base.z.copy()
-            z[k] = 0.0
-            tries.append(np.append(z, np.clip(part * away, *knobs[0].bounds)))
-    return tries
+    if twin not in names:
+        return [np.concatenate([base.z, x]) for x in starts(knobs)]
+    k = names.index(twin)
+    away = base.z[k] * model.nuisances[k].deviation / knobs[0].unit
+    if knobs[0].parameter.typical < knobs[0].parameter.off:
+        away = -away
+    z = base.z.copy()
+    z[k] = 0.0
+    sizes = [0.5 * away, away, 1.5 * away, *(away + float(x[0]) for x in starts(knobs))]
+    return [np.append(z, np.clip(size, *knobs[0].bounds)) for size in sizes]
 
 
 def screen(
@@ -149,7 +152,7 @@ def covariances(model: JointModel, found: Fit) -> tuple[Floats, Floats]:
     prior = np.zeros(jacobian.shape[1])
     prior[: len(model.nuisances)] = 1.0
     normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
-    believed: Floats = np.linalg.pinv(normal)
+    believed: Floats = np.asarray(np.linalg.pinv(normal), np.float64)
     return believed, believed @ (scores.T @ scores + np.diag(prior)) @ believed
 
 
@@ -163,7 +166,7 @@ def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
 def confirm(model: JointModel, base: Fit, effect: Effect, start: Floats) -> Gain:
     """Fit a hypothesis with one effect more."""
     hypothesis = base.hypothesis + effect_knobs(effect)
-    found = fit(model, hypothesis, start, base.noise, rounds=2)
+    found = fit(model, hypothesis, start, base.noise, rounds=2, evaluations=5)
     own = [
         k
         for k in range(len(base.z), len(found.z))
@@ -183,23 +186,39 @@ def folds(model: JointModel) -> list[list[int]]:
     return parts
 
 
-def held_out(model: JointModel, without: Fit, with_it: Fit) -> float:
-    """Gain [nats] on groups of recordings left out in turn, both fits made anew without them."""
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """What an effect gains on groups left out: nats, and squares by kind over the noise's own."""
+
+    nats: float
+    relief: float  #: the most any kind's mean square falls, in squares of its noise floor
+
+
+def score_outside(model: JointModel, found: Fit) -> list[Score]:
+    """How a hypothesis does on every part of the recordings, fitted anew without that part."""
     parts = folds(model)
-    if len(parts) < 2:
-        return without.cost - with_it.cost
     everything = range(len(model.observed))
-    total = 0.0
+    scores = []
     for part in parts:
-        rest = [r for r in everything if r not in part]
-        scores = []
-        for found in (without, with_it):
-            again = fit(
-                model, found.hypothesis, found.z, found.noise, rest, rounds=1, evaluations=4
-            )
-            scores.append(sum(score(model, again, part).values()))
-        total += scores[1] - scores[0]
-    return total
+        rest = [r for r in everything if r not in part] or part
+        again = fit(model, found.hypothesis, found.z, found.noise, rest, rounds=1, evaluations=3)
+        scores.append(score(model, again, part))
+    return scores
+
+
+def held_out(
+    without: Sequence[Score], with_it: Sequence[Score], floors: Mapping[Kind, float]
+) -> Outside:
+    """Compare two hypotheses on groups left out."""
+    nats = sum(s.nats for s in with_it) - sum(s.nats for s in without)
+    relief = -np.inf
+    for kind, floor in floors.items():
+        count = sum(s.count.get(kind, 0) for s in without)
+        if count:
+            fall = sum(s.squares.get(kind, 0.0) for s in without)
+            fall -= sum(s.squares.get(kind, 0.0) for s in with_it)
+            relief = max(relief, fall / count / floor**2)
+    return Outside(float(nats), float(relief))
 
 
 def grow(
@@ -207,11 +226,13 @@ def grow(
     base: Fit,
     effects: dict[str, Effect],
     say: Progress,
+    floors: Mapping[Kind, float],
     most: int = 4,
 ) -> tuple[Fit, list[Gain], list[Gain]]:
     """Take effects one by one while they gain; the fit, those taken, and all that were confirmed.
 
-    After every step effects that no longer gain are dropped.
+    ``floors`` are the deviations of every kind that a perfect model would leave. After every step
+    effects that no longer gain are dropped.
     """
     taken: list[Gain] = []
     confirmed: list[Gain] = []
@@ -219,7 +240,8 @@ def grow(
     for step in range(most):
         say(f"step {step + 1}: trying every effect")
         left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
-        ranking = screen(model, now, left)[:CONFIRMED]
+        ranking = screen(model, now, left)
+        ranking = ranking[:SURE] + [r for r in ranking[SURE:CONFIRMED] if r[0] > PROMISING]
         gains = []
         for _, name, start in ranking:
             say(f"step {step + 1}: fitting {name}")
@@ -227,12 +249,14 @@ def grow(
         gains.sort(key=lambda g: -g.deflated)
         confirmed += gains
         chosen = None
+        plain: list[Score] | None = None
         for gain in gains[:2]:
             if gain.deflated < NEEDED:
                 break
             say(f"step {step + 1}: {gain.effect} on recordings left out")
-            outside = held_out(model, now, gain.fit)
-            if outside / gain.inflation > HELD_OUT:
+            plain = plain or score_outside(model, now)
+            outside = held_out(plain, score_outside(model, gain.fit), floors)
+            if outside.nats / gain.inflation > HELD_OUT and outside.relief > RELIEF:
                 chosen = Gain(gain.effect, gain.fit, gain.nats, gain.inflation, outside)
                 break
         if chosen is None:
@@ -270,5 +294,5 @@ def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float]:
         if k.effect == name and not k.parameter.shape
     ]
     start = np.concatenate([now.z[:count], now.z[count:][keep]])
-    without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=2)
+    without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=2, evaluations=5)
     return without, (without.cost - now.cost) / inflation(model, now, own)
