@@ -193,3 +193,16 @@ def test_a_recording_claims_no_stand_and_no_voltage_that_nobody_saw(tmp_path):
     real = replace(leg_steps(tmp_path), port="/dev/ttyUSB0")
     assert real.facts(real.trials[0])["support"] == "suspended"
     assert "supply_v" not in real.facts(real.trials[0])
+
+
+def test_a_report_that_cannot_be_drawn_changes_nothing(finished, monkeypatch):
+    done, recordings, result = finished
+    before = {path: path.read_bytes() for path in done.folder.iterdir() if path.is_file()}
+
+    def fail(self, result):
+        raise OSError(28, "No space left on device", "figure.png")
+
+    monkeypatch.setattr(type(done.experiment), "draw", fail)
+    with pytest.raises(OSError, match="No space left"):
+        write_report(done.experiment, result, recordings[:1], done.folder)
+    assert {path: path.read_bytes() for path in done.folder.iterdir() if path.is_file()} == before
