@@ -17,7 +17,7 @@ from pathlib import Path
 from .assemble import assemble, plants
 from .chance import seeded
 from .control import Control, ControlError
-from .faults import Faults, Scenario, load_scenario
+from .faults import FaultError, Faults, Scenario, load_scenario
 from .observe import Observation
 from .plant import Plant
 from .ports.device import SerialDevice
@@ -138,8 +138,12 @@ class Served:
         """Have the faults of the scenario, and listen for more."""
         plug = self._plug if plug_of(self.port) is not None else None
         faults = Faults(self.bus, self.robot, seeded(self._scenario.seed), plug)
-        for fault in self._scenario.faults:
-            faults.add(fault)
+        for number, fault in enumerate(self._scenario.faults, 1):
+            try:
+                faults.add(fault)
+            except FaultError as error:
+                where = f"{self.wanted.faults}: [[fault]] {number}"
+                raise FaultError(f"{where}: {error}") from None
         link = self.wanted.link
         names = [self.port.path] if link is None else [os.path.abspath(link), self.port.path]
         try:
