@@ -1,0 +1,144 @@
+"""The page of a diagnosis: one HTML file with everything in it."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
+
+from bench.diagnosis.result import Cause, Diagnosis
+from bench.diagnosis.search import HELD_OUT, NEEDED
+
+from . import words
+from .inline import svg
+from .pictures import motion_picture, recordings_picture, regime_picture, time_picture
+from .traces import Trace, typical, worst
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What a diagnosis was made of, for the page to say."""
+
+    robot: str
+    title: str
+    fitted: tuple[str, ...]  #: names of the recordings that were fitted
+    left_out: tuple[str, ...]  #: effects that were taken out of the catalogue
+    seed: int
+    on: date
+    model: str  #: where the better model is, as a person would type it
+
+
+def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -> str:
+    """The page as text."""
+    return _template().render(
+        d=diagnosis,
+        origin=origin,
+        words=words,
+        pictures=_pictures(diagnosis, traces),
+        ranking=_ranking(diagnosis),
+        pairs=[pair for cause in diagnosis.causes for pair in _pairs(diagnosis, cause)],
+        states=_states(diagnosis),
+        advice=[line.format(model=origin.model) for line in words.advice(diagnosis)],
+        needed=NEEDED,
+        held_out_needed=HELD_OUT,
+    )
+
+
+def write_report(path: Path, diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -> None:
+    """Write the page, whole or not at all. Raises ``OSError``."""
+    text = report_page(diagnosis, traces, origin)
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_text(text, "utf-8")
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+@cache
+def _template() -> Template:
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    source = files(__package__).joinpath("page.html.j2").read_text("utf-8")
+    return environment.from_string(source)
+
+
+def _pictures(diagnosis: Diagnosis, traces: Sequence[Trace]) -> Mapping[str, Any]:
+    floor = diagnosis.fit.noise_floor
+    motions = []
+    for which, trace in (("worst", worst(traces)), ("typical", typical(traces))):
+        if trace is not None:
+            drawn = _svg(
+                motion_picture(trace, floor),
+                which,
+                f"Recorded and modelled motion of {trace.joint} in {trace.name}",
+            )
+            motions.append({"which": which, "trace": trace, "svg": drawn})
+    return {
+        "motions": motions,
+        "regimes": _svg(
+            regime_picture(traces, floor), "regimes", "Misfit before and after by part of motion"
+        ),
+        "time": _svg(time_picture(traces, floor), "time", "Misfit before and after over time"),
+        "recordings": _svg(
+            recordings_picture(traces, floor), "recordings", "Misfit before and after by recording"
+        ),
+    }
+
+
+def _svg(figure: Any, name: str, title: str) -> Markup:
+    return Markup(svg(figure, name, html.escape(title)))
+
+
+def _ranking(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Confirmed hypotheses, the best first, with the length of their bars [%]."""
+    chosen = {cause.effect for cause in diagnosis.causes}
+    most = max([1.0, *(float(row["deflated_nats"]) for row in diagnosis.ranking)])
+    ordered = sorted(
+        diagnosis.ranking, key=lambda row: (len(row["with"]), -float(row["deflated_nats"]))
+    )
+    return [
+        dict(row)
+        | {
+            "bar": max(0.0, 100.0 * float(row["deflated_nats"]) / most),
+            "taken": row["effect"] in chosen and not set(row["with"]) - chosen,
+            "enough": float(row["deflated_nats"]) >= NEEDED,
+        }
+        for row in ordered
+    ]
+
+
+def _pairs(diagnosis: Diagnosis, cause: Cause) -> list[dict[str, Any]]:
+    """A cause and each of its rivals, and what would tell them apart."""
+    found = []
+    for rival in cause.indistinguishable_from:
+        pair = {cause.effect, rival.effect}
+        told = [
+            text
+            for each, text in zip(
+                diagnosis.next_experiment, words.experiments(diagnosis), strict=True
+            )
+            if pair <= set(each.separates)
+        ]
+        found.append({"cause": cause, "rival": rival, "experiments": told})
+    return found
+
+
+def _states(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """The states that occur, and what they mean."""
+    found = dict.fromkeys(
+        "trade-off" if e.state.startswith("trade-off") else e.state
+        for cause in diagnosis.causes
+        for e in cause.parameters.values()
+    )
+    return [(state, words.STATES[state]) for state in found if state in words.STATES]
