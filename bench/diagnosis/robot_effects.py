@@ -1,0 +1,138 @@
+"""Effects of a whole robot, place by place: on all joints, on one kind, on one leg.
+
+Each is an effect of the catalogue narrowed to one number: a name like ``joint_compliance@tibia`` or
+``com_offset.y@trunk`` says which effect, which of its parameters if it has several that act alone,
+and where. What only goes with the number (the damping of a spring) is typical, or off where it
+would act by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from sim.effects import Effect, Group, Parameter, Scope, catalogue
+from sim.effects.effect import TRUNK, Values
+from sim.tree import SEGMENTS, PhysicalRobot
+
+from .knobs import Knob
+
+#: effects that no walk shows, or that belong to the reading of a register
+OUTSIDE = frozenset(
+    {
+        "encoder_nonlinearity",
+        "latency_timer",
+        "load_refresh",
+        "lost_samples",
+        "overload_shutdown",
+        "read_skew",
+        "thermal_derating",
+        "zero_offset",
+    }
+)
+EVERYWHERE = "all"
+#: ``z`` of a first try, where the unit is far from what one meets
+FIRST = {"roll_rad": 0.1, "yaw_rad": 0.3, "resistance_ohm": 2.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """One number of an effect at one place."""
+
+    effect: Effect
+    parameter: Parameter
+    place: str
+    where: tuple[str, ...]
+    companions: Mapping[str, float]
+    several: bool  #: the effect has other numbers that act alone
+
+    @property
+    def name(self) -> str:
+        """As in the module's text."""
+        number = f".{self.parameter.name.split('_')[0]}" if self.several else ""
+        return f"{self.effect.name}{number}@{self.place}"
+
+    @property
+    def knob(self) -> Knob:
+        """The number as a knob; its effect bears the full name."""
+        return Knob(self.name, self.parameter, self.where)
+
+    @property
+    def first_z(self) -> float:
+        """A first try."""
+        return FIRST.get(self.parameter.name, 1.0)
+
+    def apply(self, robot: PhysicalRobot, value: float) -> PhysicalRobot:
+        """The robot with it; exactly the robot itself where the value is off."""
+        values = self.companions | {self.parameter.name: value}
+        return self.effect.apply(robot, self.where, values)
+
+    def as_effect(self) -> Effect:
+        """An effect of one parameter, for what searches among effects."""
+        return replace(
+            self.effect, name=self.name, parameters=(self.parameter,), change=self._change
+        )
+
+    def _change(self, robot: PhysicalRobot, where: frozenset[str], values: Values) -> PhysicalRobot:
+        return self.apply(robot, values[self.parameter.name])
+
+
+def placed_effects(robot: PhysicalRobot) -> dict[str, Placed]:
+    """All effects at all places of a legged robot, by name."""
+    found = {}
+    for kind in catalogue().values():
+        if kind.name in OUTSIDE:
+            continue
+        for place, where in _places(kind, robot):
+            numbers = _numbers(kind, robot)
+            for parameter in numbers:
+                companions = _companions(kind, robot, parameter)
+                placed = Placed(kind, parameter, place, where, companions, len(numbers) > 1)
+                found[placed.name] = placed
+    return found
+
+
+def _places(kind: Effect, robot: PhysicalRobot) -> list[tuple[str, tuple[str, ...]]]:
+    legs = [leg.name for leg in robot.legs]
+    if kind.scope is Scope.JOINT:
+        names = [joint.name for joint in robot.joints]
+    elif kind.scope is Scope.LEG:
+        return [(EVERYWHERE, ()), *((leg, (leg,)) for leg in legs)]
+    elif kind.scope is Scope.BODY:
+        names = [body.name for body in robot.bodies]
+        trunk = [(TRUNK, (TRUNK,))]
+        if kind.name == "com_offset":
+            return trunk
+        return trunk + [(s, _ending(names, s)) for s in SEGMENTS]
+    else:
+        return [(EVERYWHERE, ())]
+    return [
+        (EVERYWHERE, ()),
+        *((s, _ending(names, s)) for s in SEGMENTS),
+        *((leg, tuple(n for n in names if n.startswith(f"{leg}."))) for leg in legs),
+    ]
+
+
+def _ending(names: list[str], segment: str) -> tuple[str, ...]:
+    return tuple(name for name in names if name.endswith(f".{segment}"))
+
+
+def _numbers(kind: Effect, robot: PhysicalRobot) -> list[Parameter]:
+    """Parameters that do something alone; of effects outside the body only the first."""
+    amplitudes = [p for p in kind.parameters if not p.shape]
+    if kind.group is not Group.BODY:
+        return amplitudes[:1]
+    some = []
+    for parameter in amplitudes:
+        values = kind.off | {parameter.name: Knob(kind.name, parameter).value(0.3)}
+        if kind.apply(robot, (), values) != robot:
+            some.append(parameter)
+    return some
+
+
+def _companions(kind: Effect, robot: PhysicalRobot, parameter: Parameter) -> dict[str, float]:
+    off = {parameter.name: parameter.off}
+    if kind.apply(robot, (), kind.typical | off) == robot:
+        return kind.typical
+    shapes = {p.name: p.typical for p in kind.parameters if p.shape}
+    return kind.off | shapes

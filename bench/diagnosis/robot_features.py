@@ -1,0 +1,171 @@
+"""Numbers that a recording and its replays are compared by: means over gait phase, joint by joint.
+
+Long replays with contacts drift apart in where the robot stands, but what its joints do at a phase
+of the gait does not. So a recording comes down to the mean of each joint in each bin of the phase;
+with the height of the trunk where somebody watched it.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from busemu.tables import Robot
+from sim.stepped import TICK_S
+
+from .gait import Bins, Phase, commanded_lift, gait_phase, held_at
+from .robot_replay import Course, Track
+
+Floats = NDArray[np.float64]
+
+APART_S = 1000.0  #: between the joints' times in a block, so that noise remembers none of another
+STAND_UP_S = 1.0  #: left out of windows of time at the beginning; assumed
+ALIKE_RAD = 0.01  #: commanded profiles nearer than this are one motion; two counts of a sensor
+
+
+class RobotKind(enum.Enum):
+    """Kinds of a whole robot's residuals."""
+
+    JOINTS = "joints"
+    HEIGHT = "height"  #: of the trunk, about its mean, where an observer recorded it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Features:
+    """One recording in bins; joint rows are those of ``joint_row`` (rows,) and ``bin`` (rows,).
+
+    ``position_rad`` and ``goal_rad`` are means as recorded, (rows,); ``t_s`` is ascending, with
+    the joints :data:`APART_S` apart.
+    """
+
+    course: Course
+    phase: Phase | None
+    bins: tuple[Bins, ...]
+    joint_row: NDArray[np.intp]
+    bin: NDArray[np.intp]
+    t_s: Floats
+    count: Floats  #: samples in a row
+    position_rad: Floats
+    goal_rad: Floats
+    stance: NDArray[np.bool_]  #: whether the leg of the row's joint is commanded to stand
+    height_bins: Bins | None
+    height_m: Floats
+
+    @classmethod
+    def of(cls, course: Course, robot: Robot) -> Features:
+        """Bin a recording by its own goals."""
+        phase = gait_phase(course.goals, robot)
+        bins = tuple(
+            Bins.of_time(t, STAND_UP_S) if phase is None else Bins.of_phase(phase, t)
+            for t in course.sample_s
+        )
+        full = [np.flatnonzero(b.counts > 0) for b in bins]
+        joint_row = np.repeat(np.arange(len(bins)), [len(f) for f in full])
+        index = np.concatenate(full)
+        times = np.concatenate(
+            [j * APART_S + b.t_s[f] for j, (b, f) in enumerate(zip(bins, full, strict=True))]
+        )
+        goals = [
+            held_at(course.goals[mount.joint], t)
+            for mount, t in zip(robot.servos, course.sample_s, strict=True)
+        ]
+        lifted = [
+            commanded_lift(course.goals, robot, t)[:, _leg(robot, mount.joint)].astype(np.float64)
+            for mount, t in zip(robot.servos, course.sample_s, strict=True)
+        ]
+
+        def rows(values: tuple[Floats, ...] | list[Floats]) -> Floats:
+            means = [b.mean(v)[f] for b, v, f in zip(bins, values, full, strict=True)]
+            return np.concatenate(means)
+
+        seen = course.height
+        height_bins = None
+        if seen is not None:
+            height_bins = (
+                Bins.of_time(seen[0], STAND_UP_S)
+                if phase is None
+                else Bins.of_phase(phase, seen[0])
+            )
+        return cls(
+            course=course,
+            phase=phase,
+            bins=bins,
+            joint_row=joint_row,
+            bin=index,
+            t_s=times,
+            count=np.concatenate([b.counts[f] for b, f in zip(bins, full, strict=True)]) * 1.0,
+            position_rad=rows(course.position_rad),
+            goal_rad=rows(goals),
+            stance=rows(lifted) < 0.5,
+            height_bins=height_bins,
+            height_m=_centred(height_bins.mean(seen[1]))
+            if seen is not None and height_bins is not None
+            else np.empty(0),
+        )
+
+    def rows(self, values: tuple[Floats, ...] | list[Floats]) -> Floats:
+        """Means of something sampled with the positions, (rows,)."""
+        found = np.empty(len(self.bin))
+        for j, (bins, value) in enumerate(zip(self.bins, values, strict=True)):
+            mine = self.joint_row == j
+            found[mine] = bins.mean(value)[self.bin[mine]]
+        return found
+
+    def of_track(self, track: Track) -> tuple[Floats, Floats]:
+        """Means of a replay: joint angles (rows,) [rad], heights (bins,) [m]."""
+        angles = self.rows([track.at(j, t) for j, t in enumerate(self.course.sample_s)])
+        if self.height_bins is None or self.course.height is None:
+            return angles, np.empty(0)
+        heights = np.interp(self.course.height[0], track.height_t_s, track.height_m)
+        return angles, _centred(self.height_bins.mean(heights))
+
+    def speeds(self, track: Track) -> tuple[Floats, Floats]:
+        """How means move with a later instant [rad/s], and with a later turn (rows,)."""
+        speed = [
+            (track.at(j, t + TICK_S) - track.at(j, t - TICK_S)) / (2.0 * TICK_S)
+            for j, t in enumerate(self.course.sample_s)
+        ]
+        turned = [v * w for v, w in zip(speed, self.course.wait_s, strict=True)]
+        return self.rows(speed), self.rows(turned)
+
+    def scatter(self, track: Track) -> Floats:
+        """Variance of each row's mean residual from its spread between turns [rad^2]."""
+        found = np.empty(len(self.bin))
+        for j, (bins, t) in enumerate(zip(self.bins, self.course.sample_s, strict=True)):
+            residual = self.course.position_rad[j] - track.at(j, t)
+            mine = self.joint_row == j
+            found[mine] = bins.scatter(residual)[self.bin[mine]]
+        return found
+
+    def like(self, other: Features) -> bool:
+        """Whether two recordings are of one motion under one condition."""
+        same = (
+            len(self.bin) == len(other.bin)
+            and bool((self.bin == other.bin).all())
+            and (self.height_bins is None) == (other.height_bins is None)
+            and len(self.height_m) == len(other.height_m)
+            and _weights(self.course) == _weights(other.course)
+        )
+        if not same:
+            return False
+        apart = self.goal_rad - other.goal_rad
+        return bool(np.sqrt(np.mean(apart**2)) < ALIKE_RAD)
+
+
+def _weights(course: Course) -> tuple[object, ...]:
+    words = ("payload_kg", "trunk_load_kg", "supply_v", "support")
+    return tuple(course.condition.get(word) for word in words)
+
+
+def _centred(values: Floats) -> Floats:
+    """About the mean, where they are known: nobody knows how high the marker sits."""
+    centred: Floats = values - np.nanmean(values)
+    return centred
+
+
+def _leg(robot: Robot, joint: str) -> int:
+    names = [str(leg["name"]) for leg in robot.document["leg"]]
+    return names.index(joint.split(".")[0])

@@ -1,0 +1,312 @@
+"""A whole robot in several recordings: residuals for any values of nuisances and knobs.
+
+Replays of a whole robot take the time of hundreds of one joint's, so a vector is not replayed. What
+a nuisance does is a trace replayed once a motion; what an effect does is replayed at a few values
+of its knob and interpolated; traces add up. Where a fit has led somewhere, :meth:`RobotModel.recentre`
+replays exactly there and keeps the difference, so that the next fit starts from truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from busemu.tables import Robot
+from sim.tree import PhysicalRobot
+
+from .model import Hypothesis
+from .noise import Block
+from .robot_effects import Placed, placed_effects
+from .robot_features import Features, RobotKind
+from .robot_nuisances import RobotNuisance, nuisances, trials
+from .robot_pool import Job, Outcome, Replays
+from .robot_replay import Course
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str], None]
+RobotBlocks = dict[tuple[int, RobotKind], Block]
+
+JITTERS = 3  #: replays with a slightly other start, for the spread of replays
+GRID = (0.3, 1.0, 3.0, 8.0)  #: of a knob, in first tries, at which an effect is replayed
+HEIGHT_FLOOR_M = 2e-4  #: of an observer's height; assumed of motion capture
+Rows = dict[RobotKind, Floats]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observed:
+    """What a search asks of a recording."""
+
+    name: str
+    group: str
+
+
+def rows_of(outcome: Outcome) -> Rows:
+    """The rows of a replay by kind."""
+    found = {RobotKind.JOINTS: outcome.angle_rad}
+    if len(outcome.height_m):
+        found[RobotKind.HEIGHT] = outcome.height_m
+    return found
+
+
+class RobotModel:
+    """Residuals of a whole robot; a vector is the nuisances, then the hypothesis's knobs.
+
+    Knobs are those of :mod:`bench.diagnosis.robot_effects`. Close it, or use it with ``with``.
+    """
+
+    def __init__(
+        self,
+        base: PhysicalRobot,
+        robot: Robot,
+        courses: Sequence[Course],
+        say: Progress = lambda _: None,
+        processes: int | None = None,
+    ) -> None:
+        self.base = base
+        self.features = tuple(Features.of(course, robot) for course in courses)
+        self.observed = tuple(Observed(c.name, c.group) for c in courses)
+        self.quantum_rad = courses[0].quantum_rad
+        self.nuisances: tuple[RobotNuisance, ...] = nuisances(base, self.quantum_rad)
+        self.placed: dict[str, Placed] = placed_effects(base)
+        self.motion = _motions(self.features)  #: for each recording, the first like it
+        self.replays = Replays(base, self.features, processes)
+        self._joints = [joint.name for joint in base.joints]
+        self._curves: dict[tuple[str, int], PchipInterpolator] = {}
+        say("replaying the recordings")
+        self.centre: list[Rows] = self._run([Job(r) for r in self._every])
+        self._plain = list(self.centre)
+        self._centred_on: tuple[tuple[str, float], ...] = ()
+        say("replaying from slightly other starts")
+        self.spread = self._spread()
+        say("replaying with what is never exactly as believed")
+        self.traces = self._traces()
+        self._data = [self._recorded(f) for f in self.features]
+        self._extra = [self._variance(r) for r in self._every]
+
+    @property
+    def _every(self) -> range:
+        return range(len(self.features))
+
+    def _run(self, jobs: Sequence[Job]) -> list[Rows]:
+        return [rows_of(outcome) for outcome in self.replays.run(jobs)]
+
+    @staticmethod
+    def _recorded(features: Features) -> Rows:
+        rows = {RobotKind.JOINTS: features.position_rad}
+        if len(features.height_m):
+            rows[RobotKind.HEIGHT] = features.height_m
+        return rows
+
+    def _spread(self) -> dict[int, Rows]:
+        """Variance of replays that start a little otherwise, by motion."""
+        motions = sorted(set(self.motion))
+        jobs = [Job(m, jitter=seed) for m in motions for seed in range(1, JITTERS + 1)]
+        found = self._run(jobs)
+        spread = {}
+        for i, m in enumerate(motions):
+            some = found[i * JITTERS : (i + 1) * JITTERS]
+            spread[m] = {
+                kind: np.mean([(rows[kind] - base) ** 2 for rows in some], axis=0)
+                for kind, base in self._plain[m].items()
+            }
+        return spread
+
+    def _variance(self, r: int) -> Rows:
+        """What each row scatters by itself: turns of the gait, and starts."""
+        (outcome,) = self.replays.run([Job(r)])
+        spread = self.spread[self.motion[r]]
+        found = {RobotKind.JOINTS: outcome.scatter_rad2 + spread[RobotKind.JOINTS]}
+        if RobotKind.HEIGHT in spread:
+            found[RobotKind.HEIGHT] = spread[RobotKind.HEIGHT]
+        return found
+
+    def _traces(self) -> dict[int, dict[RobotKind, Floats]]:
+        """By motion and kind: rows x nuisances, each for one deviation of its prior."""
+        motions = sorted(set(self.motion))
+        every = trials(self.base)
+        jobs = [Job(m, trial=trial.name) for m in motions for trial in every]
+        found = iter(self._run(jobs))
+        traces = {}
+        for m in motions:
+            by_trial = {}
+            for trial in every:
+                rows = next(found)
+                by_trial[trial.name] = {
+                    kind: (rows[kind] - base) / trial.size for kind, base in self._plain[m].items()
+                }
+            columns = [self._trace(m, nuisance, by_trial) for nuisance in self.nuisances]
+            traces[m] = {
+                kind: np.nan_to_num(np.stack([column[kind] for column in columns], axis=1))
+                for kind in self._plain[m]
+            }
+        return traces
+
+    def _trace(self, m: int, nuisance: RobotNuisance, by_trial: Mapping[str, Rows]) -> Rows:
+        features = self.features[m]
+        own = np.ones(len(features.bin), bool)
+        if nuisance.joint:
+            own = features.joint_row == self._joints.index(nuisance.joint)
+        if nuisance.trial:
+            rows = by_trial[nuisance.trial]
+        else:
+            (outcome,) = self.replays.run([Job(m)])
+            rows = {kind: np.zeros_like(base) for kind, base in self._plain[m].items()}
+            if nuisance.name == "sampling":
+                rows[RobotKind.JOINTS] = outcome.speed_rad_s
+            elif nuisance.name == "turn":
+                rows[RobotKind.JOINTS] = outcome.turn_rad
+            else:
+                rows[RobotKind.JOINTS] = np.ones(len(features.bin))
+        if nuisance.joint:
+            zero = {kind: np.zeros_like(values) for kind, values in rows.items()}
+            rows = zero | {RobotKind.JOINTS: np.where(own, rows[RobotKind.JOINTS], 0.0)}
+        return {kind: values * nuisance.deviation for kind, values in rows.items()}
+
+    def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
+        """Whether a number turns what only a controller's channel shows: there is none here."""
+        return False
+
+    def floors(self) -> Mapping[RobotKind, float]:
+        """The least white deviation: rounding, averaged over the samples of a row."""
+        count = float(np.median(np.concatenate([f.count for f in self.features])))
+        floors = {RobotKind.JOINTS: self.quantum_rad / np.sqrt(12.0 * count)}
+        if any(len(f.height_m) for f in self.features):
+            floors[RobotKind.HEIGHT] = HEIGHT_FLOOR_M
+        return floors
+
+    def prepare(self, names: Sequence[str], first_only: bool = False) -> None:
+        """Replay effects at the values of their curves (or at the first try only)."""
+        jobs = [
+            Job(m, ((name, z),))
+            for m in sorted(set(self.motion))
+            for name in names
+            for z in ([self.placed[name].first_z] if first_only else self._grid(name))
+        ]
+        self.replays.run(jobs)
+
+    def _grid(self, name: str) -> list[float]:
+        placed = self.placed[name]
+        low, high = placed.knob.bounds
+        sizes = [placed.first_z * x for x in GRID]
+        both = [-z for z in reversed(sizes)] + sizes if low < 0.0 else sizes
+        inside = [min(high, max(low, z)) for z in both]
+        return sorted({z for z in inside if z != 0.0})
+
+    def first_trace(self, name: str, m: int) -> Rows:
+        """What an effect does to a motion at its first try, for one unit of its knob."""
+        z = self.placed[name].first_z
+        (rows,) = self._run([Job(m, ((name, z),))])
+        return {
+            kind: np.nan_to_num((rows[kind] - base) / z) for kind, base in self._plain[m].items()
+        }
+
+    def _curve(self, name: str, m: int) -> PchipInterpolator:
+        """What an effect does to a motion against its knob: all kinds' rows after each other."""
+        key = (name, m)
+        if key not in self._curves:
+            self.prepare([name])
+            zs = [0.0]
+            values = [np.zeros(sum(len(v) for v in self._plain[m].values()))]
+            base = np.concatenate(list(self._plain[m].values()))
+            for z in self._grid(name):
+                (rows,) = self._run([Job(m, ((name, z),))])
+                moved = np.concatenate(list(rows.values())) - base
+                if np.isfinite(moved).all():
+                    zs.append(z)
+                    values.append(moved)
+            order = np.argsort(zs)
+            self._curves[key] = PchipInterpolator(
+                np.array(zs)[order], np.array(values)[order], axis=0, extrapolate=True
+            )
+        return self._curves[key]
+
+    def _effects(self, m: int, settings: Sequence[tuple[str, float]]) -> Rows:
+        """What effects together do to a motion, as the curves have it."""
+        base = self._plain[m]
+        total = np.zeros(sum(len(v) for v in base.values()))
+        for name, z in settings:
+            curve = self._curve(name, m)
+            total += curve(np.clip(z, curve.x[0], curve.x[-1]))
+        ends = np.cumsum([len(v) for v in base.values()])[:-1]
+        return dict(zip(base, np.split(total, ends), strict=True))
+
+    @staticmethod
+    def settings(hypothesis: Hypothesis, z: Floats) -> tuple[tuple[str, float], ...]:
+        """Placed effects and values of their knobs."""
+        return tuple((k.effect, float(x)) for k, x in zip(hypothesis.knobs, z, strict=True))
+
+    def modelled(self, settings: Sequence[tuple[str, float]], r: int) -> Rows:
+        """Rows of a recording under effects, without nuisances."""
+        m = self.motion[r]
+        now, then = self._effects(m, settings), self._effects(m, self._centred_on)
+        return {kind: rows + now[kind] - then[kind] for kind, rows in self.centre[r].items()}
+
+    def recentre(self, settings: Sequence[tuple[str, float]]) -> float:
+        """Replay exactly there, and take that for the middle of the curves.
+
+        Returns how far they were off, RMS over joint rows [rad].
+        """
+        guessed = [self.modelled(settings, r)[RobotKind.JOINTS] for r in self._every]
+        found = self._run([Job(r, tuple(settings)) for r in self._every])
+        apart = [rows[RobotKind.JOINTS] - guess for rows, guess in zip(found, guessed, strict=True)]
+        self.centre, self._centred_on = found, tuple(settings)
+        return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
+
+    def residuals(
+        self,
+        hypothesis: Hypothesis,
+        vectors: Sequence[Floats],
+        which: Sequence[int] | None = None,
+        kinds: Sequence[object] = (),
+    ) -> list[RobotBlocks]:
+        """Residual blocks (recorded less modelled) of some recordings, for every vector.
+
+        All kinds are given whatever is asked for: they cost nothing.
+        """
+        chosen = list(self._every if which is None else which)
+        count = len(self.nuisances)
+        made: dict[tuple[bytes, int], Rows] = {}
+        result = []
+        for z in vectors:
+            settings = self.settings(hypothesis, z[count:])
+            blocks: RobotBlocks = {}
+            for r in chosen:
+                key = (z[count:].tobytes(), r)
+                if key not in made:
+                    made[key] = self.modelled(settings, r)
+                for kind, rows in made[key].items():
+                    trace = self.traces[self.motion[r]][kind]
+                    value = self._data[r][kind] - rows - trace @ z[:count]
+                    blocks[r, kind] = self.block(r, kind, value)
+            result.append(blocks)
+        return result
+
+    def recorded(self, r: int, kind: RobotKind) -> Floats:
+        """Rows of a recording as it was; NaN where nobody saw."""
+        return self._data[r][kind]
+
+    def block(self, r: int, kind: RobotKind, value: Floats) -> Block:
+        features = self.features[r]
+        if kind is RobotKind.JOINTS:
+            times = features.t_s
+        else:
+            assert features.height_bins is not None
+            times = features.height_bins.t_s
+        known = np.isfinite(self._data[r][kind])
+        return Block(times[known], value[known], self._extra[r][kind][known])
+
+    def close(self) -> None:
+        """End the processes."""
+        self.replays.close()
+
+
+def _motions(features: Sequence[Features]) -> tuple[int, ...]:
+    found: list[int] = []
+    for r, one in enumerate(features):
+        first = next((m for m in sorted(set(found)) if features[m].like(one)), r)
+        found.append(first)
+    return tuple(found)

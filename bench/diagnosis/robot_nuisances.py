@@ -1,0 +1,197 @@
+"""What is never exactly as the operator of a whole robot believes, and is no finding.
+
+Nuisances are small, so their traces add up: each is one trace a unit of its prior's deviation,
+replayed once (or told by the replay itself), and every hypothesis may turn it under its prior. What
+makes a joint soft or stiff acts on that joint's own error first, so one replay with all joints of a
+kind changed gives the traces of each of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from sim.drive.parameters import DriveParameters
+from sim.effects import effect
+from sim.shapes import MassProperties
+from sim.tree import SEGMENTS, PhysicalRobot
+
+ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
+
+Change = Callable[[PhysicalRobot, float], PhysicalRobot]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A replay with one thing changed by ``size`` (in ``unit``); ``joint``: of one joint alone."""
+
+    name: str
+    size: float
+    change: Change
+
+
+@dataclass(frozen=True, slots=True)
+class RobotNuisance:
+    """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``.
+
+    ``trial`` is the replay that shows its trace (none: the base replay tells), ``joint`` the only
+    joint whose rows of it count.
+    """
+
+    name: str
+    unit: str
+    deviation: float
+    source: str
+    trial: str = ""
+    joint: str = ""
+
+
+def _drives(segment: str, change: Callable[[DriveParameters, float], DriveParameters]) -> Change:
+    def changed(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+        joints = tuple(
+            replace(j, drive=change(j.drive, x)) if j.segment == segment else j
+            for j in robot.joints
+        )
+        return replace(robot, joints=joints)
+
+    return changed
+
+
+def _torque(drive: DriveParameters, x: float) -> DriveParameters:
+    return replace(
+        drive,
+        torque_constant_nm_a=drive.torque_constant_nm_a * (1.0 + x),
+        back_emf_v_s_rad=drive.back_emf_v_s_rad * (1.0 + x),
+    )
+
+
+def _friction(drive: DriveParameters, x: float) -> DriveParameters:
+    level = replace(
+        drive.friction,
+        coulomb_nm=drive.friction.coulomb_nm * (1.0 + x),
+        viscous_nm_s_rad=drive.friction.viscous_nm_s_rad * (1.0 + x),
+    )
+    return replace(drive, friction=level)
+
+
+def _mass(mass: MassProperties, x: float) -> MassProperties:
+    inertia = tuple(moment * (1.0 + x) for moment in mass.inertia_kg_m2)
+    return replace(mass, mass_kg=mass.mass_kg * (1.0 + x), inertia_kg_m2=inertia)
+
+
+def _trunk_mass(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    if robot.trunk is None:
+        return robot
+    return replace(robot, trunk=replace(robot.trunk, mass=_mass(robot.trunk.mass, x)))
+
+
+def _link_mass(segment: str) -> Change:
+    def changed(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+        some = [b for b in robot.bodies if b.name.endswith(f".{segment}")]
+        return robot.with_bodies(*(replace(b, mass=_mass(b.mass, x)) for b in some))
+
+    return changed
+
+
+def _supply(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    volts = robot.supply.voltage_v * (1.0 + x)
+    return replace(robot, supply=replace(robot.supply, voltage_v=volts))
+
+
+def _gain(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    joints = tuple(
+        replace(j, drive=replace(j.drive, gain_scale=j.drive.gain_scale * (1.0 + x)))
+        for j in robot.joints
+    )
+    return replace(robot, joints=joints)
+
+
+def _of_effect(name: str, parameter: str, where: tuple[str, ...], *, over: float = 0.0) -> Change:
+    def changed(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+        kind = effect(name)
+        return kind.apply(robot, where, kind.off | {parameter: over + x})
+
+    return changed
+
+
+def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, ...]:
+    """All nuisances of a legged robot, in the order of a vector."""
+    found = []
+    for joint in robot.joints:
+        found.append(
+            RobotNuisance(
+                f"zero {joint.name}",
+                "rad",
+                math.radians(1.0) / ROOT3,
+                "zero +-1 deg",
+                f"zero {joint.name}",
+            )
+        )
+        for what, spread in (("torque", 0.10), ("friction", 0.30)):
+            found.append(
+                RobotNuisance(
+                    f"{what} {joint.name}",
+                    "(ratio)",
+                    spread / ROOT3,
+                    f"specimens: +-{spread:.0%}",
+                    f"{what} {joint.segment}",
+                    joint.name,
+                )
+            )
+        found.append(
+            RobotNuisance(
+                f"reading {joint.name}",
+                "rad",
+                quantum_rad / math.sqrt(12.0),
+                "rounding of a register",
+                joint=joint.name,
+            )
+        )
+    for trial in trials(robot):
+        if trial.name.split()[0] not in ("zero", "torque", "friction"):
+            unit, deviation, source = COMMON[trial.name.split()[0]]
+            found.append(RobotNuisance(trial.name, unit, deviation, source, trial.name))
+    late = "jitter and turnaround of a bus; assumed"
+    found.append(RobotNuisance("sampling", "s", 0.0015, late))
+    found.append(RobotNuisance("turn", "(ratio)", 0.15, "when it is a servo's turn; assumed"))
+    return tuple(found)
+
+
+#: of the whole robot: unit, deviation, source
+COMMON = {
+    "mass": ("(ratio)", 0.05 / ROOT3, "masses +-5 %"),
+    "centre": ("m", 0.003 / ROOT3, "centre of mass +-3 mm"),
+    "tilt": ("rad", math.radians(1.0) / ROOT3, "tilt up to 1 deg"),
+    "supply": ("(ratio)", 0.02, "battery from charge to charge; assumed"),
+    "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
+    "grip": ("(ratio)", 0.15, "friction of a floor; assumed"),
+}
+
+
+def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
+    """The replays that show the nuisances' traces."""
+    found = [
+        Trial(
+            f"zero {j.name}",
+            math.radians(1.0) / ROOT3,
+            _of_effect("zero_offset", "offset_rad", (j.name,)),
+        )
+        for j in robot.joints
+    ]
+    for segment in SEGMENTS:
+        found.append(Trial(f"torque {segment}", 0.1, _drives(segment, _torque)))
+        found.append(Trial(f"friction {segment}", 0.3, _drives(segment, _friction)))
+        found.append(Trial(f"mass {segment}", 0.1, _link_mass(segment)))
+    found.append(Trial("mass trunk", 0.05, _trunk_mass))
+    for axis in "xyz":
+        found.append(
+            Trial(f"centre {axis}", 0.003, _of_effect("com_offset", f"{axis}_m", ("trunk",)))
+        )
+    for axis in ("pitch", "roll"):
+        change = _of_effect("ground_tilt", f"{axis}_rad", ())
+        found.append(Trial(f"tilt {axis}", math.radians(1.0), change))
+    found.append(Trial("supply", 0.03, _supply))
+    found.append(Trial("gain", 0.05, _gain))
+    found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
+    return tuple(found)

@@ -1,0 +1,243 @@
+"""Replaying what a whole robot was told: its recorded commands through PyBullet, without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.recording import Recording, RecordingError, joint_track
+from busemu.tables import Robot
+from sim.condition import under
+from sim.drive import kernel
+from sim.drive.parameters import pack
+from sim.stability import LARGEST, stiffness_number, too_stiff
+from sim.stepped import TICK_S, SteppedPlant
+from sim.tree import SEGMENTS, PhysicalRobot, Trunk
+from sim.shapes import spread
+from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
+
+from .commands import drive_commands
+
+Floats = NDArray[np.float64]
+
+HEIGHT = "mocap/base_z_m"  #: of the trunk; other outside channels depend on where one stands
+BASE_EVERY = 10  #: ticks between two looks at the trunk
+LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
+#: when a servo samples between the instruction and its reply, as a share of that wait: servos that
+#: are read together look when it is their turn, and the last part is the line's and the host's
+TURN = 0.85
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What a robot was told in one recording, and when each joint was sampled; for replays.
+
+    Joints are in the order of the robot file's servos. ``start`` (commands, joints) holds the
+    drives' commands at first; ``events`` (n, 4) are time [s since the first], joint, field of
+    :mod:`sim.drive.kernel` and value, in order of time. Angles are the joints' own.
+    """
+
+    name: str
+    group: str
+    condition: Mapping[str, Any]
+    start: Floats
+    events: Floats
+    first_rad: Floats
+    sample_s: tuple[Floats, ...]
+    wait_s: tuple[Floats, ...]  #: from instruction to reply of every sample
+    position_rad: tuple[Floats, ...]
+    quantum_rad: float
+    goals: Mapping[str, tuple[Floats, Floats]]
+    height: tuple[Floats, Floats] | None  #: times [s] and heights [m] of the trunk, if observed
+
+    @property
+    def end_s(self) -> float:
+        """The last sample [s]."""
+        return max(float(t[-1]) for t in self.sample_s if len(t))
+
+
+def course(recording: Recording, robot: Robot) -> Course:
+    """What a recording tells of a whole robot. Raises :class:`RecordingError`."""
+    tracks = {mount.joint: joint_track(recording, mount.joint, robot) for mount in robot.servos}
+    waits = {mount.joint: _waits_s(recording, mount.servo_id) for mount in robot.servos}
+    seen = [track for track in tracks.values() if len(track.position_t_s) >= LEAST_SAMPLES]
+    if len(seen) < len(tracks):
+        missing = next(j for j, t in tracks.items() if len(t.position_t_s) < LEAST_SAMPLES)
+        raise RecordingError(
+            recording.path,
+            f"fewer than {LEAST_SAMPLES} positions of {missing}: a whole robot is diagnosed from "
+            "recordings that read present_position of every joint",
+        )
+    origin = min(float(track.position_t_s[0]) for track in seen) - 1e-3
+    starts, events, firsts = [], [], []
+    for number, mount in enumerate(robot.servos):
+        track = tracks[mount.joint]
+        servo_rad = np.array([mount.to_servo(angle) for angle in track.position_rad.tolist()])
+        table = robot.tables[mount.servo_id]
+        start, rows = drive_commands(recording, mount, table, track.position_t_s, servo_rad, origin)
+        starts.append(start)
+        events.append(np.insert(rows, 1, float(number), axis=1))
+        firsts.append(track.position_rad[0])
+    stacked = np.concatenate(events)
+    watched = recording.observed(HEIGHT)
+    return Course(
+        name=recording.name,
+        group=str(recording.metadata.get("group") or recording.name),
+        condition=dict(recording.metadata.get("condition", {})),
+        start=np.stack(starts, axis=1),
+        events=stacked[np.argsort(stacked[:, 0], kind="stable")],
+        first_rad=np.array(firsts),
+        sample_s=tuple(
+            track.position_t_s - origin + TURN * waits[joint] for joint, track in tracks.items()
+        ),
+        wait_s=tuple(waits.values()),
+        position_rad=tuple(track.position_rad for track in tracks.values()),
+        quantum_rad=max(abs(t["present_position"].si_scale) for t in robot.tables.values()),
+        goals={joint: (track.goal_t_s - origin, track.goal_rad) for joint, track in tracks.items()},
+        height=(watched.t_sample_s - origin, watched.value) if len(watched.value) else None,
+    )
+
+
+def _waits_s(recording: Recording, servo_id: int) -> Floats:
+    """From instruction to reply of every position that came [s]; 0 where nobody noted it."""
+    rows = recording.rows(servo_id, "present_position", "read")
+    raw = recording.table.column("raw").to_numpy()[rows]
+    reply = recording.table.column("t_reply_s").to_numpy()[rows]
+    waits = (reply - recording.t_s[rows])[~np.isnan(raw)]
+    found: Floats = np.nan_to_num(waits, nan=0.0)
+    return found
+
+
+def loaded(robot: PhysicalRobot, condition: Mapping[str, Any]) -> PhysicalRobot:
+    """The robot under a recording's condition, with the weight its trunk carried.
+
+    ``payload_kg`` (or ``trunk_load_kg``) is spread over the trunk as the torque experiment does.
+    """
+    weight = float(condition.get("trunk_load_kg", condition.get("payload_kg", 0.0)))
+    rest = {k: v for k, v in condition.items() if not k.startswith("payload")}
+    robot = under(robot, rest)
+    if robot.trunk is None or weight == 0.0:
+        return robot
+    whole = robot.trunk.mass.mass_kg + weight
+    trunk = Trunk(spread(whole, robot.trunk.shapes), robot.trunk.shapes)
+    return replace(robot, trunk=trunk)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """A replay: sensed joint angles every tick (ticks, joints), heights of the trunk [m]."""
+
+    angle_rad: Floats
+    height_t_s: Floats
+    height_m: Floats
+
+    def at(self, joint: int, t_s: Floats) -> Floats:
+        """Sensed angle of a joint [rad] at ``t_s``."""
+        at = np.clip(t_s / TICK_S, 0.0, len(self.angle_rad) - 1.0)
+        index = np.minimum(at.astype(np.intp), len(self.angle_rad) - 2)
+        part = at - index
+        column = self.angle_rad[:, joint]
+        return column[index] * (1.0 - part) + column[index + 1] * part
+
+
+@dataclass(frozen=True, slots=True)
+class Jitter:
+    """How a replay starts a little otherwise: what contacts make of it is the spread of replays."""
+
+    seed: int
+    angle_rad: float = 0.002  #: deviation of the first joint angles; under a count of the sensor
+    yaw_rad: float = 0.01
+    late_s: float = 0.001  #: commands come later by up to this
+
+    def draw(self, joints: int) -> tuple[Floats, float, float]:
+        """Offsets of the joints [rad], of the heading [rad], and of the commands [s]."""
+        random = np.random.default_rng([self.seed, 31])
+        angles = self.angle_rad * random.standard_normal(joints)
+        return angles, self.yaw_rad * random.standard_normal(), self.late_s * random.random()
+
+
+class _Stage(SteppedPlant):
+    """A plant that is told drive columns and remembers every tick."""
+
+    def play(self, course: Course, late_s: float, base: bool) -> Track:
+        """Run a course from its beginning."""
+        ticks = int(np.ceil((course.end_s + late_s) / TICK_S)) + 2
+        sensed = np.empty((ticks, len(self._names)))
+        heights = []
+        # a command acts from the first tick after it, as behind the bus
+        due = np.floor((course.events[:, 0] + late_s) / TICK_S + 1e-6).astype(int) + 1
+        rows = course.events[:, 1:].tolist()
+        self.bank.commands[:] = course.start
+        k = 0
+        for tick in range(ticks):
+            while k < len(due) and due[k] <= tick:
+                joint, field, value = rows[k]
+                self.bank.commands[int(field), int(joint)] = value
+                k += 1
+            sensed[tick] = self._joint_rad
+            if base and tick % BASE_EVERY == 0:
+                heights.append(self._engine.observe()[HEIGHT])
+            for _ in range(self._steps_per_tick):
+                self._step()
+        times = np.arange(len(heights)) * BASE_EVERY * TICK_S
+        return Track(self._as_sensed(sensed), times, np.array(heights))
+
+    def _as_sensed(self, joint_rad: Floats) -> Floats:
+        """What the servos' sensors make of the joints' angles, in the joints' frame."""
+        params = self.bank.params
+        servo = (joint_rad - self._mount[1]) * self._mount[0]
+        wave = params[kernel.WAVE] * np.sin(
+            params[kernel.WAVE_PERIODS] * servo + params[kernel.WAVE_PHASE]
+        )
+        sensed: Floats = joint_rad + self._mount[0] * (params[kernel.ZERO_OFFSET] + wave)
+        return sensed
+
+
+def play(robot: PhysicalRobot, course: Course, jitter: Jitter | None = None) -> Track:
+    """Replay a course with a robot in a PyBullet of its own.
+
+    It starts where the joints were first read, on its belly or its feet. Raises
+    :class:`sim.entries.PhysicsError` for a gear too stiff for any step.
+    """
+    count = len(robot.joints)
+    angles, yaw, late_s = jitter.draw(count) if jitter else (np.zeros(count), 0.0, 0.0)
+    offsets = np.array([j.drive.zero_offset_rad * j.direction for j in robot.joints])
+    first = course.first_rad - offsets + angles
+    posture = {j.name: float(q) for j, q in zip(robot.joints, first, strict=True)}
+    world = World(robot, step_s=TICK_S, held=course.condition.get("support") == "suspended")
+    try:
+        turned = (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw)))
+        lying = course.condition.get("support") != "suspended"
+        height = _height_m(robot, posture) if lying else world.base()[0][2]
+        world.place((0.0, 0.0, height), turned if lying else LEVEL, posture)
+        steps = _steps_per_tick(robot, world)
+        world.set_step(TICK_S / steps)
+        stage = _Stage(robot, world, steps_per_tick=steps, substeps=SUBSTEPS)
+        return stage.play(course, late_s, base=course.height is not None)
+    finally:
+        world.close()
+
+
+def _height_m(robot: PhysicalRobot, posture: Mapping[str, float]) -> float:
+    """Height of the trunk frame with belly or feet on the ground, legs each in their posture."""
+    assert robot.trunk is not None
+    feet = [
+        leg.foot.radius_m - leg.foot_m({s: posture[f"{leg.name}.{s}"] for s in SEGMENTS})[2]
+        for leg in robot.legs
+    ]
+    return max(*feet, -robot.trunk.belly_m)
+
+
+def _steps_per_tick(robot: PhysicalRobot, world: World) -> int:
+    inverse = world.inverse_mass()
+    params = pack([joint.drive for joint in robot.joints])
+    number = 0.0
+    for steps in STEPS_PER_TICK:
+        number = stiffness_number(params, inverse, TICK_S / steps)
+        if number <= LARGEST:
+            return steps
+    raise too_stiff(number, TICK_S / STEPS_PER_TICK[-1], robot.name)

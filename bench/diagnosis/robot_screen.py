@@ -1,0 +1,162 @@
+"""Which effects could explain a whole robot's misfit, and which of them look alike.
+
+Every effect at every place is replayed once. Its trace, whitened, with all that nuisances could do
+instead taken out, is held against the residual; the angle between two such traces says whether the
+data can tell the two apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .noise import CLIP, Noise, whiten
+from .robot_features import RobotKind
+from .robot_model import RobotModel, Rows
+
+Floats = NDArray[np.float64]
+
+ALIKE = 0.95  #: cosine beyond which two effects are one class
+SEEN = 3.0  #: deviations at which an effect of that size would be seen
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """One effect in the screening.
+
+    ``gain_nats`` is what the linear fit of its knob gains, ``z`` the knob there, ``floor_z`` the
+    least ``z`` that would be seen (infinite where the data does not show it at all), ``hidden``
+    the share of its trace (in squares) that nuisances could mimic.
+    """
+
+    name: str
+    gain_nats: float
+    z: float
+    floor_z: float
+    hidden: float
+
+
+class Screen:
+    """Whitened traces of effects in the data's own units, nuisances projected out.
+
+    ``kinds``: those used; leave :attr:`RobotKind.HEIGHT` out for what joint registers alone tell.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        noise: dict[RobotKind, Noise],
+        residual: Sequence[Rows],
+        kinds: Iterable[RobotKind] = tuple(RobotKind),
+        which: Sequence[int] | None = None,
+    ) -> None:
+        self._model, self._noise = model, noise
+        self._kinds = tuple(kinds)
+        self._which = list(range(len(model.features)) if which is None else which)
+        self.residual = self._whitened([residual[r] for r in self._which])[:, 0]
+        nuisances = self._whitened([model.traces[model.motion[r]] for r in self._which])
+        self._nuisances = nuisances
+        self._weight = np.minimum(1.0, CLIP / np.maximum(np.abs(self.residual), CLIP))
+        normal = (nuisances * self._weight[:, None]).T @ nuisances + np.eye(nuisances.shape[1])
+        self._solve = np.linalg.inv(normal)
+        self._traces: dict[str, Floats] = {}
+
+    def _whitened(self, rows: Sequence[Rows]) -> Floats:
+        """Columns of several recordings (each kind: (rows,) or (rows, k)) as the noise sees them."""
+        parts = []
+        for r, by_kind in zip(self._which, rows, strict=True):
+            for kind in self._kinds:
+                if kind not in by_kind:
+                    continue
+                values = by_kind[kind]
+                columns = values[:, None] if values.ndim == 1 else values
+                block = self._model.block(r, kind, np.zeros(len(columns)))
+                known = np.isfinite(self._model.recorded(r, kind))
+                out, _ = whiten(block, self._noise[kind], np.ascontiguousarray(columns[known]))
+                parts.append(out)
+        return np.concatenate(parts)
+
+    def _inner(self, a: Floats, b: Floats) -> float:
+        """Product of two whitened traces with the nuisances projected out, under their priors."""
+        wa, wb = self._weight * a, self._weight * b
+        return float(wa @ b - (self._nuisances.T @ wa) @ self._solve @ (self._nuisances.T @ wb))
+
+    def trace(self, name: str) -> Floats:
+        """An effect's whitened trace, for one unit of its knob."""
+        if name not in self._traces:
+            model = self._model
+            rows = [model.first_trace(name, model.motion[r]) for r in self._which]
+            self._traces[name] = self._whitened(rows)[:, 0]
+        return self._traces[name]
+
+    def one(self, name: str) -> Screened:
+        """Screen one effect."""
+        trace = self.trace(name)
+        size = self._inner(trace, trace)
+        whole = float((self._weight * trace) @ trace)
+        if size <= 1e-12:
+            return Screened(name, 0.0, 0.0, float("inf"), 1.0)
+        z = self._inner(trace, self.residual) / size
+        low, high = self._model.placed[name].knob.bounds
+        z = min(high, max(low, z))
+        gain = z * self._inner(trace, self.residual) - 0.5 * z * z * size
+        floor = SEEN / float(np.sqrt(size))
+        return Screened(name, max(0.0, gain), z, floor, 1.0 - size / whole)
+
+    def rank(self, names: Iterable[str]) -> list[Screened]:
+        """Effects by what they gain, the most first."""
+        wanted = list(names)
+        self._model.prepare(wanted, first_only=True)
+        return sorted((self.one(name) for name in wanted), key=lambda s: -s.gain_nats)
+
+    def cosine(self, one: str, other: str) -> float:
+        """How alike two effects look in this data: 1 is the same, 0 is nothing in common."""
+        a, b = self.trace(one), self.trace(other)
+        size = self._inner(a, a) * self._inner(b, b)
+        return self._inner(a, b) / float(np.sqrt(size)) if size > 0.0 else 0.0
+
+    def alike(self, name: str, others: Iterable[str]) -> list[tuple[str, float]]:
+        """Those that this data cannot tell from an effect, with the cosine."""
+        found = [(other, self.cosine(name, other)) for other in others if other != name]
+        return sorted(((n, c) for n, c in found if abs(c) > ALIKE), key=lambda p: -abs(p[1]))
+
+    def standing_out(self, most: int = 2) -> list[str]:
+        """Legs with more misfit than the rest, the worst first: where to look leg by leg."""
+        model = self._model
+        legs = [leg.name for leg in model.base.legs]
+        energy = dict.fromkeys(legs, 0.0)
+        left = self.residual - self._nuisances @ (
+            self._solve @ (self._nuisances.T @ (self._weight * self.residual))
+        )
+        at = 0
+        for r in self._which:
+            features = model.features[r]
+            for kind in self._kinds:
+                if kind not in model.centre[r]:
+                    continue
+                count = int(np.isfinite(model.recorded(r, kind)).sum())
+                part, at = left[at : at + count], at + count
+                if kind is RobotKind.JOINTS:
+                    for j, joint in enumerate(model.base.joints):
+                        energy[joint.leg] += float((part[features.joint_row == j] ** 2).sum())
+        return sorted(legs, key=lambda leg: -energy[leg])[:most]
+
+
+def shortlist(
+    screen: Screen, names: Iterable[str], most: int = 12, a_kind: int = 3
+) -> list[Screened]:
+    """The effects worth fitting: the best, at most ``a_kind`` places of each."""
+    taken: dict[str, int] = {}
+    some = []
+    for found in screen.rank(names):
+        kind = found.name.partition("@")[0]
+        if found.gain_nats <= 0.0 or taken.get(kind, 0) >= a_kind:
+            continue
+        taken[kind] = taken.get(kind, 0) + 1
+        some.append(found)
+        if len(some) == most:
+            break
+    return some
