@@ -21,7 +21,7 @@ from .drive.kernel import Array, Arrays, Jobs
 from .robot import PhysicalRobot
 from .stepped import TICK_S
 
-RIGID_SUBSTEPS = 2  #: of a tick, with rotor and load in one
+RIGID_SUBSTEPS = 5  #: of a tick, with rotor and load in one
 GEAR_SUBSTEPS = 10  #: of a tick, with a gear between them
 
 
@@ -67,6 +67,15 @@ class Load:
         cosine = np.array([gravity_nm * np.sin(centre_rad)])
         return cls(inertia_kg_m2, sine, cosine, moment_nm)
 
+    def plus(self, other: Load, share: float) -> Load:
+        """The load with a share of another added to it."""
+        return Load(
+            self.inertia_kg_m2 + share * other.inertia_kg_m2,
+            self.sine_nm + share * other.sine_nm,
+            self.cosine_nm + share * other.cosine_nm,
+            self.moment_nm + share * other.moment_nm,
+        )
+
     def tilted(self, along_rad: float, across_rad: float) -> Load:
         """The load on a stand that leans a little, about the joint's axis and across it.
 
@@ -93,6 +102,7 @@ class Candidate:
     load_refresh_s: float = 0.0
     load_phase_s: float = 0.0
     start_offset_rad: float = 0.0  #: of the shaft's first angle, over the replay's
+    payload: Load | None = None  #: the part of the load that is a weight put on
 
     @classmethod
     def of(cls, robot: PhysicalRobot, joint: int, load: Load, *, rigid: bool) -> Candidate:

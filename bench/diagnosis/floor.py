@@ -12,6 +12,13 @@ from .observed import Observed
 
 Floats = NDArray[np.float64]
 
+ENGINE_RAD = 0.0012  #: what two sound simulations of one joint differ by; see docs on two engines
+
+
+def tolerance(floor_rad: float) -> float:
+    """Deviation [rad] below which a difference between a model and a recording is no physics."""
+    return float(np.hypot(floor_rad, ENGINE_RAD))
+
 
 def noise_floor(observed: Sequence[Observed]) -> float:
     """Deviation [rad] of a position that a perfect model would leave.
@@ -21,7 +28,7 @@ def noise_floor(observed: Sequence[Observed]) -> float:
     """
     rounding = max(o.position.quantum for o in observed) / np.sqrt(12.0)
     squares = [spread**2 for pair in _pairs(observed) if (spread := _spread(*pair)) is not None]
-    return float(max(rounding, np.sqrt(np.median(squares)))) if squares else float(rounding)
+    return float(max(rounding, np.sqrt(np.mean(squares)))) if squares else float(rounding)
 
 
 def _pairs(observed: Sequence[Observed]) -> list[tuple[Observed, Observed]]:

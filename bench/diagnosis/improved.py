@@ -19,7 +19,7 @@ WORTH = 0.3  #: deviations of its prior below which a nuisance is left as believ
 #: nuisances as effects: the effect's parameter, and its value for a nuisance of ``x`` (in its unit)
 PLACES = {
     "torque_constant": ("torque_constant", "scale"),
-    "gravity_moment": ("link_mass", "scale"),
+    "link": ("link_mass", "scale"),
     "zero": ("zero_offset", "offset_rad"),
     "sampling": ("read_skew", "skew_s"),
     "supply": ("supply_voltage", "scale"),

@@ -14,7 +14,7 @@ from sim.effects import Effect
 from sim.robot import PhysicalRobot
 
 from .fit import EDGE, Fit, block_rms, bounds, estimate_noise, fit
-from .floor import noise_floor
+from .floor import ENGINE_RAD, noise_floor, tolerance
 from .knobs import joint_effects
 from .model import Blocks, Hypothesis, JointModel, Kind
 from .observed import Observed
@@ -26,7 +26,7 @@ from .search import Progress, covariances, grow, held_out, score_outside
 
 Floats = NDArray[np.float64]
 
-STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it is none worth a word
+STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
 STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
 STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
 SIGNIFICANT = 0.05
@@ -64,7 +64,9 @@ def diagnose_joint(
     before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
     start_blocks = model.residuals(Hypothesis(), [before.z])[0]
     floor = noise_floor([*observed, *judged])
-    floors = {kind: noise.total for kind, noise in before.noise.items()} | {Kind.POSITION: floor}
+    floors = {kind: noise.total for kind, noise in before.noise.items()} | {
+        Kind.POSITION: tolerance(floor)
+    }
     after, taken, confirmed = grow(model, before, dict(effects), say, floors)
     whole = score_outside(model, after) if len(taken) > 1 else []
     causes = []
@@ -147,8 +149,8 @@ def diagnose_joint(
 
 def is_structured(rest: Remainder, floor: float) -> bool:
     """Whether a rest is predictable enough to be called unexplained."""
-    return (
-        rest.predicted_rad > STRUCTURE * floor
+    return bool(
+        rest.predicted_rad > np.hypot(STRUCTURE * floor, ENGINE_RAD)
         and rest.share > STRUCTURE_SHARE
         and rest.agreeing >= STRUCTURE_AGREEING
     )

@@ -124,10 +124,17 @@ def _zero(candidate: Candidate, x: float) -> Candidate:
     return candidate
 
 
-def _moment(candidate: Candidate, x: float) -> Candidate:
-    load, scale = candidate.load, 1.0 + x
-    sine, cosine = load.sine_nm * scale, load.cosine_nm * scale
-    return replace(candidate, load=replace(load, sine_nm=sine, cosine_nm=cosine))
+def _payload(candidate: Candidate, x: float) -> Candidate:
+    if candidate.payload is None:
+        return candidate
+    return replace(candidate, load=candidate.load.plus(candidate.payload, x))
+
+
+def _link(candidate: Candidate, x: float) -> Candidate:
+    load = candidate.load.plus(candidate.load, x)
+    if candidate.payload is not None:
+        load = load.plus(candidate.payload, -x)
+    return replace(candidate, load=load)
 
 
 def _inertia(candidate: Candidate, x: float) -> Candidate:
@@ -147,12 +154,18 @@ NUISANCES = (
         "specimens: +-10 %",
         _scaled(kernel.TORQUE_CONSTANT, kernel.BACK_EMF),
     ),
+    Nuisance(
+        "back_emf",
+        "(ratio)",
+        0.04,
+        "no-load figures of data sheets; assumed",
+        _scaled(kernel.BACK_EMF),
+    ),
     Nuisance("coulomb_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.COULOMB)),
     Nuisance("viscous_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.VISCOUS)),
-    Nuisance("gravity_moment", "(ratio)", 0.035, "masses +-5 %, centre +-3 mm", _moment),
-    Nuisance(
-        "load_inertia", "(ratio)", 0.07, "masses +-5 %, centre +-3 mm, extent of weights", _inertia
-    ),
+    Nuisance("link", "(ratio)", 0.04, "mass +-5 %, centre of mass +-3 mm", _link),
+    Nuisance("payload", "(ratio)", 0.03, "mass +-5 %", _payload),
+    Nuisance("load_inertia", "(ratio)", 0.04, "centre +-3 mm, extent of weights", _inertia),
     Nuisance("zero", "rad", 0.0101, "zero +-1 deg", _zero),
     Nuisance("tilt", "rad", 0.0101, "stand tilted up to 1 deg", _lean(1.0, 0.0)),
     Nuisance("tilt_across", "rad", 0.0101, "stand tilted up to 1 deg", _lean(0.0, 1.0)),
@@ -182,7 +195,7 @@ TWINS = {
     "zero_offset": "zero",
     "supply_voltage": "supply",
     "torque_constant": "torque_constant",
-    "link_mass": "gravity_moment",
+    "link_mass": "link",
     "read_skew": "sampling",
 }
 

@@ -125,16 +125,23 @@ class JointModel:
         key = (hypothesis.knobs, z.tobytes(), self._conditions[r])
         if key not in self._made:
             robot = with_effects(self._bases[self._conditions[r]], hypothesis.knobs, z.tolist())
-            told = one_joint_load(robot)
-            hangs = self._mount.to_servo(told.centre_rad)
-            load = Load.pendulum(
-                told.inertia_kg_m2, told.gravity_nm, hangs, max(told.moment_nm, 1e-9)
-            )
+            load = self._load(robot)
+            payload = None
+            if robot.payload is not None and robot.payload.mass_kg > 0.0:
+                bare = replace(robot, payload=replace(robot.payload, mass_kg=0.0))
+                heavy = robot.bodies[0].mass.mass_kg > 0.0
+                payload = load.plus(self._load(bare), -1.0) if heavy else load
             rigid = not {"backlash", "joint_compliance"} & set(hypothesis.effects)
             if len(self._made) > REMEMBERED:
                 self._made.clear()
-            self._made[key] = Candidate.of(robot, self.index, load, rigid=rigid)
+            made = Candidate.of(robot, self.index, load, rigid=rigid)
+            self._made[key] = replace(made, payload=payload)
         return self._made[key]
+
+    def _load(self, robot: PhysicalRobot) -> Load:
+        told = one_joint_load(robot)
+        hangs = self._mount.to_servo(told.centre_rad)
+        return Load.pendulum(told.inertia_kg_m2, told.gravity_nm, hangs, max(told.moment_nm, 1e-9))
 
     def residuals(
         self,

@@ -10,13 +10,13 @@ the same ratio). Then it must hold on recordings the fit has not seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.effects import Effect
+from sim.effects import Effect, catalogue
 
 from .fit import Fit, Score, fit, linearise, score
 from .knobs import TWINS, Knob, effect_knobs
@@ -33,6 +33,7 @@ PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
 STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
+NUMBER_NATS = 1.5  #: gain [nats, deflated] that every number of an effect must be worth
 RELIEF = (
     0.04  #: of the squared noise floor that it must take off the mean square of some kind there
 )
@@ -206,6 +207,13 @@ def score_outside(model: JointModel, found: Fit) -> list[Score]:
     return scores
 
 
+def relief(model: JointModel, without: Fit, with_it: Fit, floors: Mapping[Kind, float]) -> float:
+    """What an effect takes off the recordings it is fitted to, as in :class:`Outside`."""
+    everything = range(len(model.observed))
+    scores = [[score(model, found, everything)] for found in (without, with_it)]
+    return held_out(*scores, floors).relief
+
+
 def held_out(
     without: Sequence[Score], with_it: Sequence[Score], floors: Mapping[Kind, float]
 ) -> Outside:
@@ -246,13 +254,15 @@ def grow(
         for _, name, start in ranking:
             say(f"step {step + 1}: fitting {name}")
             gains.append(confirm(model, now, effects[name], start))
-        gains.sort(key=lambda g: -g.deflated)
+        gains = ranked(gains)
         confirmed += gains
         chosen = None
         plain: list[Score] | None = None
         for gain in gains[:2]:
             if gain.deflated < NEEDED:
                 break
+            if relief(model, now, gain.fit, floors) < RELIEF:
+                continue
             say(f"step {step + 1}: {gain.effect} on recordings left out")
             plain = plain or score_outside(model, now)
             outside = held_out(plain, score_outside(model, gain.fit), floors)
@@ -265,6 +275,20 @@ def grow(
         taken.append(chosen)
         now, taken = prune(model, now, taken, say)
     return now, taken, confirmed
+
+
+def ranked(gains: Sequence[Gain]) -> list[Gain]:
+    """Gains on one scale, the best first; of two that are close, the one with fewer numbers.
+
+    Gains of one step are divided by one inflation, the mean of those that gain anything: what is
+    compared is how far each follows the same recordings.
+    """
+    useful = [g.inflation for g in gains if g.nats > 0.0]
+    common = float(np.exp(np.mean(np.log(useful)))) if useful else 1.0
+    levelled = [replace(g, inflation=max(common, 1.0)) for g in gains]
+    return sorted(
+        levelled, key=lambda g: NUMBER_NATS * len(effect_knobs(catalogue()[g.effect])) - g.deflated
+    )
 
 
 def prune(model: JointModel, now: Fit, taken: list[Gain], say: Progress) -> tuple[Fit, list[Gain]]:

@@ -8,8 +8,8 @@ from dataclasses import replace
 from ..drive.parameters import DriveParameters
 from .effect import Effect, Group, Parameter, Scope, Values, on_drives
 
-TOOTH_STIFFNESS_NM_RAD = 60.0  #: of teeth that touch, in a gear that is else rigid; assumed
-TOOTH_DAMPING_NM_S_RAD = 0.02  #: assumed: they hardly bounce
+TOOTH_STIFFNESS_NM_RAD = 250.0  #: of teeth that touch, in a gear that is else rigid; assumed
+TOOTH_DAMPING_NM_S_RAD = 0.05  #: assumed: they hardly bounce
 
 
 def change(drive: DriveParameters, values: Values) -> DriveParameters:
