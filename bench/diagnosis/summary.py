@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .report import words
+from .report import telling, words
 from .result import Cause, Diagnosis
 
 COLOURS = {
@@ -26,20 +26,22 @@ def show(diagnosis: Diagnosis, console: Console, written: Sequence[Path], model:
     """Print a diagnosis; ``written`` are its files, ``model`` is the better model among them."""
     verdict = words.plain(diagnosis.verdict).upper()
     console.print(
-        f"[bold {COLOURS[diagnosis.verdict]}]{verdict}[/]  {escape(words.headline(diagnosis))}\n"
+        f"[bold {COLOURS[diagnosis.verdict]}]{verdict}[/]  {escape(telling.headline(diagnosis))}\n"
     )
+    for caution in telling.cautions(diagnosis):
+        console.print(f"[yellow]{escape(caution)}[/]\n", highlight=False)
     grid = Table.grid(padding=(0, 2, 0, 0))
     grid.add_column(style="bold", no_wrap=True)
     grid.add_column()
     _rows(grid, "fit", [_fit(diagnosis)])
-    _rows(grid, "where", words.places(diagnosis)[:PLACES])
+    _rows(grid, "where", telling.places(diagnosis)[:PLACES])
     for cause in diagnosis.causes:
         _rows(grid, "cause", _cause(cause))
     _rows(grid, "channels", [_channel(channel) for channel in diagnosis.channels])
-    _rows(grid, "rejected", [": ".join(words.rejection(r)) for r in diagnosis.rejected])
-    _rows(grid, "left", [words.remains(u) for u in diagnosis.unexplained])
+    _rows(grid, "rejected", [": ".join(telling.rejection(r)) for r in diagnosis.rejected])
+    _rows(grid, "left", [telling.remains(u) for u in diagnosis.unexplained])
     _rows(grid, "limits", diagnosis.limits)
-    _rows(grid, "next", [line.format(model=model) for line in words.advice(diagnosis)])
+    _rows(grid, "next", [line.format(model=model) for line in telling.advice(diagnosis)])
     _rows(grid, "files", [str(path) for path in written])
     console.print(grid, highlight=False)
 
@@ -53,22 +55,21 @@ def _fit(diagnosis: Diagnosis) -> str:
     fit = diagnosis.fit
     return (
         f"{words.degrees(fit.before)} before -> {words.degrees(fit.after)} after, floor "
-        f"{words.degrees(fit.noise_floor)}, on {words.judged_on(diagnosis)}"
+        f"{words.degrees(fit.noise_floor)}, on {telling.judged_on(diagnosis)}"
     )
 
 
 def _cause(cause: Cause) -> list[str]:
     how = "a wrong value" if cause.kind == "wrong_value" else "missing physics"
     lines = [
-        f"{words.named(cause)}: {words.meaning(cause.effect)}; {how}",
-        f"  probability {words.percent(cause.probability)}, explains "
-        f"{words.percent(cause.explained_share)} of what can be explained, held-out gain "
+        f"{telling.named(cause)}: {words.meaning(cause.effect)}; {how}",
+        f"  probability {words.percent(cause.probability)}, {telling.explains(cause)}, held-out gain "
         f"{words.nats(cause.held_out_gain_nats)}",
     ]
     for name, estimate in cause.parameters.items():
         lines.append(
             f"  {name} = {words.quantity(estimate.value, estimate.unit)}, 95 % "
-            f"{words.interval(estimate)}; {estimate.state}"
+            f"{telling.interval(estimate)}; {estimate.state}"
         )
     rivals = [
         f"{words.plain(r.effect)} ({words.percent(r.probability)})"
@@ -81,5 +82,5 @@ def _cause(cause: Cause) -> list[str]:
 
 def _channel(channel: Mapping[str, Any]) -> str:
     name = words.PATHS.get(channel["channel"], channel["channel"])
-    before, after = (words.measured(channel, key) for key in ("rms_before", "rms_after"))
-    return f"{name}: {before} -> {after}; {words.channel_finding(channel)}"
+    before, after = (telling.measured(channel, key) for key in ("rms_before", "rms_after"))
+    return f"{name}: {before} -> {after}; {telling.channel_finding(channel)}"

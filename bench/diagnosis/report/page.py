@@ -18,7 +18,7 @@ from markupsafe import Markup
 from bench.diagnosis.result import Cause, Diagnosis
 from bench.diagnosis.search import HELD_OUT, NEEDED
 
-from . import words
+from . import telling, words
 from .inline import svg
 from .pictures import motion_picture, recordings_picture, regime_picture, time_picture
 from .traces import Trace, typical, worst
@@ -43,11 +43,13 @@ def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -
         d=diagnosis,
         origin=origin,
         words=words,
+        telling=telling,
         pictures=_pictures(diagnosis, traces),
         ranking=_ranking(diagnosis),
         pairs=[pair for cause in diagnosis.causes for pair in _pairs(diagnosis, cause)],
+        cautions=telling.cautions(diagnosis),
         states=_states(diagnosis),
-        advice=[line.format(model=origin.model) for line in words.advice(diagnosis)],
+        advice=[line.format(model=origin.model) for line in telling.advice(diagnosis)],
         needed=NEEDED,
         held_out_needed=HELD_OUT,
     )
@@ -126,7 +128,7 @@ def _pairs(diagnosis: Diagnosis, cause: Cause) -> list[dict[str, Any]]:
         told = [
             text
             for each, text in zip(
-                diagnosis.next_experiment, words.experiments(diagnosis), strict=True
+                diagnosis.next_experiment, telling.experiments(diagnosis), strict=True
             )
             if pair <= set(each.separates)
         ]

@@ -1,13 +1,11 @@
-"""A diagnosis in plain words, for the terminal and for the page."""
+"""Plain words for what a diagnosis speaks of: effects, parts of a motion, numbers with units."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
 
-from bench.diagnosis.result import Cause, Diagnosis, Estimate
 from sim.effects import catalogue
 
 #: what an effect is, for a reader who does not know its name; others are told by their equation
@@ -84,9 +82,6 @@ PATHS: Mapping[str, str] = MappingProxyType(
 )
 UNITS: Mapping[str, str] = MappingProxyType({"position": "rad", "duty": "(ratio)", "voltage": "V"})
 
-QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
-BETTER = 0.8  #: of the misfit before: what is below it got better
-
 
 def plain(name: str) -> str:
     """A name without its underscores."""
@@ -148,12 +143,12 @@ def sentence(text: str) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share of one in per cent; a chance that is not quite certain is never called 100 %."""
+    """A share of one in per cent; none is called all of it, for nothing is certain."""
     if share is None or not math.isfinite(share):
         return "none"
     if 0.0 < share < 0.005:
         return "< 1 %"
-    return "> 99 %" if 0.995 <= share < 1.0 else f"{100.0 * share:.0f} %"
+    return "> 99 %" if share >= 0.995 else f"{100.0 * share:.0f} %"
 
 
 def chance(p: float) -> str:
@@ -164,172 +159,3 @@ def chance(p: float) -> str:
 def nats(value: float) -> str:
     """A gain."""
     return f"{value:.0f} nats" if abs(value) >= 10.0 else f"{value:.1f} nats"
-
-
-def interval(estimate: Estimate) -> str:
-    """A 95 % interval, in the unit of the value."""
-    low, high = estimate.ci95
-    unit = estimate.unit
-    if unit == "rad":
-        return f"{number(low)} to {number(high)} rad"
-    if unit == "s" and abs(estimate.value) < 0.1:
-        return f"{number(1e3 * low)} to {number(1e3 * high)} ms"
-    return f"{number(low)} to {number(high)}" + ("" if unit == "(ratio)" else f" {unit}")
-
-
-def state(estimate: Estimate) -> str:
-    """What the state of a parameter means."""
-    kind = "trade-off" if estimate.state.startswith("trade-off") else estimate.state
-    return STATES.get(kind, "")
-
-
-def named(cause: Cause) -> str:
-    """A cause with its place: ``backlash of arm``."""
-    return f"{plain(cause.effect)} of {joined(cause.scope)}" if cause.scope else plain(cause.effect)
-
-
-def judged_on(diagnosis: Diagnosis) -> str:
-    """What the numbers before and after are taken from."""
-    count = len(diagnosis.fit.recordings)
-    recordings = f"{count} recording" + ("s" if count != 1 else "")
-    if diagnosis.fit.held_out:
-        return f"{recordings} not used to fit"
-    return f"the same {recordings} the fit has seen"
-
-
-def headline(diagnosis: Diagnosis) -> str:
-    """The verdict in a sentence or two."""
-    names = joined(_with_rivals(cause) for cause in diagnosis.causes)
-    joints = joined(sorted({joint for m in diagnosis.mismatch for joint in m["joints"]}))
-    at = f" at {joints}" if joints else ""
-    if diagnosis.verdict == "consistent":
-        return (
-            "The recordings are consistent with the model: nothing of the catalogue is missing "
-            "that these recordings could show."
-        )
-    if diagnosis.verdict == "unexplained":
-        return (
-            f"The recordings differ from the model{at} in a way that repeats, and no effect of "
-            "the catalogue explains it. No cause is named."
-        )
-    told = f"The recordings differ from the model{at}."
-    if diagnosis.verdict == "explained":
-        return f"{told} What explains it: {names}."
-    return (
-        f"{told} Part of it: {names}. Something else that repeats is left, and no effect of the "
-        "catalogue explains it."
-    )
-
-
-def _with_rivals(cause: Cause) -> str:
-    how = "wrong value" if cause.kind == "wrong_value" else "missing"
-    told = f"{named(cause)} ({how}; {percent(cause.explained_share)} of the misfit)"
-    rivals = [plain(rival.effect) for rival in cause.indistinguishable_from]
-    return f"{told}, or {joined(rivals, 'or')}: not told apart" if rivals else told
-
-
-def places(diagnosis: Diagnosis) -> list[str]:
-    """Where the mismatch lives, a sentence a part of the motion."""
-    return [
-        f"{joined(m['joints'])} {phase(m['phase'])}: {percent(m['share'])} of the misfit"
-        + (f" in {percent(m['time_share'])} of the time" if "time_share" in m else "")
-        + f" ({chance(m['p_value'])})"
-        for m in diagnosis.mismatch
-    ]
-
-
-def channel_finding(channel: Mapping[str, Any]) -> str:
-    """What a channel's residual says of its part of the way."""
-    rounding, after, before = (channel[k] for k in ("rounding", "rms_after", "rms_before"))
-    better = after <= BETTER * before
-    noise = channel.get("noise")
-    if (after if noise is None else noise) <= QUIET * rounding:
-        left = "nothing is left but rounding and the uncertain instants of samples"
-        return f"explained: {left}" if better else f"cleared: {left}"
-    if better:
-        return "better, but more than rounding is left"
-    return "no better: more than rounding is left, and what was named does not touch it"
-
-
-def rejection(rejected: Mapping[str, Any]) -> tuple[str, str]:
-    """A rejected name and why."""
-    why = rejected.get("why") or rejected.get("reason")
-    if why is None:
-        rest = {k: v for k, v in rejected.items() if k not in ("effect", "scope")}
-        why = ", ".join(f"{plain(k)} {_told(v)}" for k, v in rest.items())
-    return plain(str(rejected["effect"])), str(why)
-
-
-def _told(value: Any) -> str:
-    return number(value) if isinstance(value, float) else plain(str(value))
-
-
-def remains(unexplained: Mapping[str, Any]) -> str:
-    """What is left unexplained, and where."""
-    where = joined(phase(name) for name in unexplained.get("where", ()))
-    share, size = unexplained.get("share"), unexplained.get("predictable_rad")
-    told = joined(unexplained.get("joints", ())) or "somewhere"
-    if size is not None:
-        told += f": {degrees(size)} of what is left could be foretold"
-    if share is not None:
-        told += f", {percent(share)} of its square"
-    told += f"; most of it {where}" if where else ""
-    terms = [
-        f"{plain(str(name))} ({value:+.2f})"
-        for name, value in dict(unexplained.get("terms", {})).items()
-    ]
-    return told + (f"; it goes with {joined(terms)}" if terms else "")
-
-
-def experiments(diagnosis: Diagnosis) -> list[str]:
-    """What to record next, and what for."""
-    told = []
-    for each in diagnosis.next_experiment:
-        how = ", ".join(f"{plain(k)} {_told(v)}" for k, v in each.arguments.items())
-        told.append(
-            f"{each.experiment}"
-            + (f" ({how})" if how else "")
-            + f": tells {joined(plain(s) for s in each.separates)} apart"
-            + f" with a chance of {percent(each.power)}"
-        )
-    return told
-
-
-def advice(diagnosis: Diagnosis) -> list[str]:
-    """What a person can do now, the most useful first."""
-    told = [f"record {each}" for each in experiments(diagnosis)]
-    rivals = sorted({r.effect for c in diagnosis.causes for r in c.indistinguishable_from})
-    if rivals and not told:
-        told.append(
-            "record a motion in which the rivals differ (slower, faster, loaded, lifted, another "
-            "gain), and diagnose again with all recordings"
-        )
-    if diagnosis.unexplained:
-        told.append(
-            "look at what is left in the report: where it lives says what kind of physics it is"
-        )
-    if not diagnosis.fit.held_out:
-        told.append(
-            "record more groups of motions (at least three), so that some can judge what the "
-            "others fit"
-        )
-    far = any(e.state == "at bound" for c in diagnosis.causes for e in c.parameters.values())
-    if far:
-        told.append(
-            "mistrust the cause whose parameter is at its bound; try --without it, and see what "
-            "takes its place"
-        )
-    if diagnosis.causes:
-        told.append("use the better model: busemu serve --robot {model}")
-    elif diagnosis.verdict == "consistent":
-        told.append(
-            "go on with this model; faster, slower or more loaded motions may still show more"
-        )
-    return told
-
-
-def measured(channel: Mapping[str, Any], key: str) -> str:
-    """A value of a channel's row, in its unit."""
-    unit = UNITS.get(channel["channel"], "")
-    value = float(channel[key])
-    return degrees(value) if unit == "rad" else quantity(value, unit)

@@ -1,0 +1,247 @@
+"""What a diagnosis says, in sentences, for the terminal and for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from bench.diagnosis.result import Cause, Diagnosis, Estimate
+
+from .words import (
+    STATES,
+    UNITS,
+    chance,
+    degrees,
+    joined,
+    number,
+    percent,
+    phase,
+    plain,
+    quantity,
+    sentence,
+)
+
+#: a misfit in a register that is too small to matter: of full drive, and of a voltage register
+#: whose step is 0.1 V; assumed
+SMALL: Mapping[str, float] = MappingProxyType({"duty": 0.01, "voltage": 0.1})
+QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
+BETTER = 0.8  #: of the misfit before: what is below it got better
+LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
+
+
+def interval(estimate: Estimate) -> str:
+    """A 95 % interval, in the unit of the value."""
+    low, high = estimate.ci95
+    unit = estimate.unit
+    if unit == "rad":
+        return f"{number(low)} to {number(high)} rad"
+    if unit == "s" and abs(estimate.value) < 0.1:
+        return f"{number(1e3 * low)} to {number(1e3 * high)} ms"
+    return f"{number(low)} to {number(high)}" + ("" if unit == "(ratio)" else f" {unit}")
+
+
+def state(estimate: Estimate) -> str:
+    """What the state of a parameter means."""
+    kind = "trade-off" if estimate.state.startswith("trade-off") else estimate.state
+    return STATES.get(kind, "")
+
+
+def named(cause: Cause) -> str:
+    """A cause with its place: ``backlash of arm``."""
+    return f"{plain(cause.effect)} of {joined(cause.scope)}" if cause.scope else plain(cause.effect)
+
+
+def judged_on(diagnosis: Diagnosis) -> str:
+    """What the numbers before and after are taken from."""
+    count = len(diagnosis.fit.recordings)
+    recordings = f"{count} recording" + ("s" if count != 1 else "")
+    if diagnosis.fit.held_out:
+        return f"{recordings} not used to fit"
+    return f"the same {recordings} the fit has seen"
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in a sentence or two."""
+    names = joined(_with_rivals(cause) for cause in diagnosis.causes)
+    joints = joined(sorted({joint for m in diagnosis.mismatch for joint in m["joints"]}))
+    at = f" at {joints}" if joints else ""
+    if diagnosis.verdict == "consistent":
+        return (
+            "The recordings are consistent with the model: nothing of the catalogue is missing "
+            "that these recordings could show."
+        )
+    if diagnosis.verdict == "unexplained":
+        return (
+            f"The recordings differ from the model{at} in a way that repeats, and no effect of "
+            "the catalogue explains it. No cause is named."
+        )
+    told = f"The recordings differ from the model{at}."
+    if worse(diagnosis):
+        plain_names = joined(named(cause) for cause in diagnosis.causes)
+        told += f" {sentence(plain_names)[:-1]} fits some of them and does not hold on the others."
+        if diagnosis.verdict == "explained":
+            return told
+        return f"{told} Something that repeats is left, and no effect of the catalogue explains it."
+    if diagnosis.verdict == "explained":
+        return f"{told} What explains it: {names}."
+    return (
+        f"{told} Part of it: {names}. Something else that repeats is left, and no effect of the "
+        "catalogue explains it."
+    )
+
+
+def _with_rivals(cause: Cause) -> str:
+    how = "wrong value" if cause.kind == "wrong_value" else "missing"
+    told = f"{named(cause)} ({how}; explains {percent(max(0.0, cause.explained_share))})"
+    rivals = [plain(rival.effect) for rival in cause.indistinguishable_from]
+    return f"{told}, or {joined(rivals, 'or')}: not told apart" if rivals else told
+
+
+def explains(cause: Cause) -> str:
+    """What a cause takes away of the misfit, of what a perfect model could."""
+    if cause.explained_share < 0.0:
+        return "makes the misfit on the recordings that judge worse"
+    return f"explains {percent(cause.explained_share)} of what can be explained"
+
+
+def worse(diagnosis: Diagnosis) -> bool:
+    """Whether what is named makes the recordings that judge fit worse."""
+    return bool(diagnosis.causes) and diagnosis.fit.after > diagnosis.fit.before
+
+
+def cautions(diagnosis: Diagnosis) -> list[str]:
+    """Why the answer should not be trusted too far; mostly nothing."""
+    fit, told = diagnosis.fit, []
+    if worse(diagnosis):
+        told.append(
+            f"On {judged_on(diagnosis)}, the model with what is named misses by more than before "
+            f"({degrees(fit.after)} against {degrees(fit.before)}): neither the name nor its "
+            "numbers hold there."
+        )
+    elif diagnosis.causes and sum(c.explained_share for c in diagnosis.causes) < LITTLE:
+        told.append(
+            "What is named takes next to nothing of the misfit away: a hint at most, not the cause "
+            "of what is seen."
+        )
+    doubtful = [c for c in diagnosis.causes if c.probability < 0.5]
+    if doubtful:
+        told.append(f"Less likely than its rivals together: {joined(named(c) for c in doubtful)}.")
+    if diagnosis.causes and not fit.held_out:
+        told.append("No recording was held out: what is named was judged on what was fitted.")
+    return told
+
+
+def places(diagnosis: Diagnosis) -> list[str]:
+    """Where the mismatch lives, a sentence a part of the motion."""
+    return [
+        f"{joined(m['joints'])} {phase(m['phase'])}: {percent(m['share'])} of the misfit"
+        + (f" in {percent(m['time_share'])} of the time" if "time_share" in m else "")
+        + f" ({chance(m['p_value'])})"
+        for m in diagnosis.mismatch
+    ]
+
+
+def channel_finding(channel: Mapping[str, Any]) -> str:
+    """What a channel's residual says of its part of the way."""
+    rounding, after, before = (channel[k] for k in ("rounding", "rms_after", "rms_before"))
+    better = after <= BETTER * before
+    noise = channel.get("noise")
+    if (after if noise is None else noise) <= QUIET * rounding:
+        left = "nothing is left but rounding and the uncertain instants of samples"
+        return f"explained: {left}" if better else f"cleared: {left}"
+    if after <= SMALL.get(channel["channel"], 0.0):
+        return f"{'explained' if better else 'cleared'}: what is left is too little to matter"
+    if better:
+        return "better, but more than rounding is left"
+    return "no better: more than rounding is left, and what was named does not touch it"
+
+
+def rejection(rejected: Mapping[str, Any]) -> tuple[str, str]:
+    """A rejected name and why."""
+    why = rejected.get("why") or rejected.get("reason")
+    if why is None:
+        rest = {k: v for k, v in rejected.items() if k not in ("effect", "scope")}
+        why = ", ".join(f"{plain(k)} {_told(v)}" for k, v in rest.items())
+    return plain(str(rejected["effect"])), str(why)
+
+
+def _told(value: Any) -> str:
+    return number(value) if isinstance(value, float) else plain(str(value))
+
+
+def remains(unexplained: Mapping[str, Any]) -> str:
+    """What is left unexplained, and where."""
+    where = joined(phase(name) for name in unexplained.get("where", ()))
+    share, size = unexplained.get("share"), unexplained.get("predictable_rad")
+    told = joined(unexplained.get("joints", ())) or "somewhere"
+    if size is not None:
+        told += f": {degrees(size)} of what is left could be foretold"
+    if share is not None:
+        told += f", {percent(share)} of its square"
+    told += f"; most of it {where}" if where else ""
+    terms = [
+        f"{plain(str(name))} ({value:+.2f})"
+        for name, value in dict(unexplained.get("terms", {})).items()
+    ]
+    return told + (f"; it goes with {joined(terms)}" if terms else "")
+
+
+def experiments(diagnosis: Diagnosis) -> list[str]:
+    """What to record next, and what for."""
+    told = []
+    for each in diagnosis.next_experiment:
+        how = ", ".join(f"{plain(k)} {_told(v)}" for k, v in each.arguments.items())
+        told.append(
+            f"{each.experiment}"
+            + (f" ({how})" if how else "")
+            + f": tells {joined(plain(s) for s in each.separates)} apart"
+            + f" with a chance of {percent(each.power)}"
+        )
+    return told
+
+
+def advice(diagnosis: Diagnosis) -> list[str]:
+    """What a person can do now, the most useful first."""
+    told = [f"record {each}" for each in experiments(diagnosis)]
+    rivals = sorted({r.effect for c in diagnosis.causes for r in c.indistinguishable_from})
+    if rivals and not told:
+        told.append(
+            "record a motion in which the rivals differ (slower, faster, loaded, lifted, another "
+            "gain), and diagnose again with all recordings"
+        )
+    if diagnosis.unexplained:
+        told.append(
+            "look at what is left in the report: where it lives says what kind of physics it is"
+        )
+    if not diagnosis.fit.held_out:
+        told.append(
+            "record more groups of motions (at least three), so that some can judge what the "
+            "others fit"
+        )
+    far = any(e.state == "at bound" for c in diagnosis.causes for e in c.parameters.values())
+    if far:
+        told.append(
+            "mistrust the cause whose parameter is at its bound; try --without it, and see what "
+            "takes its place"
+        )
+    if worse(diagnosis):
+        told.append(
+            "do not use {model} for motions like those held out; record more of their kind (gain, "
+            "load, speed), so that some can be fitted as well, and diagnose again"
+        )
+    elif diagnosis.causes:
+        told.append("use the better model: busemu serve --robot {model}")
+    elif diagnosis.verdict == "consistent":
+        told.append(
+            "go on with this model; faster, slower or more loaded motions may still show more"
+        )
+    return told
+
+
+def measured(channel: Mapping[str, Any], key: str) -> str:
+    """A value of a channel's row, in the unit people know it by."""
+    value, kind = float(channel[key]), channel["channel"]
+    if kind == "duty":
+        return f"{number(100.0 * value, 2)} %"
+    return degrees(value) if kind == "position" else quantity(value, UNITS.get(kind, ""))
