@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 STEP = 0.02  #: of the finite differences, in units of a knob
 NUISANCE_STEP = 0.2  #: in deviations of its prior
-ROUNDS = 3  #: of fitting and of estimating the noise in turns
+ROUNDS = 8  #: of fitting and of estimating the noise in turns, at most
 FARTHEST = 4.0  #: deviations of its prior that a nuisance may take: beyond, it is a finding
 DAMPINGS = (1e-3, 0.03, 1.0, 30.0)  #: factors on the damping that are tried together
 ENOUGH = 0.3  #: gain of a step [nats] at which a fit is done
@@ -126,7 +126,7 @@ def fit(
     noise: Mapping[Kind, Noise] | None = None,
     which: Sequence[int] | None = None,
     rounds: int = ROUNDS,
-    evaluations: int = 8,
+    evaluations: int = 3,
 ) -> Fit:
     """Fit a hypothesis from ``start`` on some recordings (all)."""
     low, high = bounds(model, hypothesis)
@@ -147,7 +147,7 @@ def fit(
             sum(costs.values()) + 0.5 * float(np.sum(z[:count] ** 2)),
             costs,
         )
-        if best is not None and found.cost > best.cost - 0.2:
+        if best is not None and found.cost > best.cost - ENOUGH:
             return found if found.cost < best.cost else best
         best = found
     assert best is not None

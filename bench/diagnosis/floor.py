@@ -12,7 +12,7 @@ from .observed import Observed
 
 Floats = NDArray[np.float64]
 
-ENGINE_RAD = 0.0012  #: what two sound simulations of one joint differ by; see docs on two engines
+ENGINE_RAD = 0.0015  #: what two sound simulations of one joint differ by; see docs on two engines
 
 
 def tolerance(floor_rad: float) -> float:

@@ -22,7 +22,7 @@ from .regimes import localise
 from .remainder import Remainder, remainder
 from .result import Cause, Diagnosis, Estimate, FitSummary
 from .rivals import rivals
-from .search import Progress, covariances, grow, held_out, score_outside
+from .search import Progress, covariances, drop, grow, held_out, relief, score_outside
 
 Floats = NDArray[np.float64]
 
@@ -69,13 +69,22 @@ def diagnose_joint(
     }
     after, taken, confirmed = grow(model, before, dict(effects), say, floors)
     whole = score_outside(model, after) if len(taken) > 1 else []
-    causes = []
+    causes, rejected = [], []
     for gain in taken:
         probability, close, without = rivals(model, after, gain.effect, effects, confirmed, say)
         outside = gain.held_out
         if whole:
             outside = held_out(score_outside(model, without), whole, floors)
         assert outside is not None
+        judged_relief = relief(judge, without, after, floors)
+        if judged_relief <= 0.0:
+            rejected.append(
+                {
+                    "effect": gain.effect,
+                    "gain_nats": float(gain.deflated),
+                    "because": "it makes recordings that were not used to fit worse",
+                }
+            )
         causes.append(
             Cause(
                 effect=gain.effect,
@@ -87,6 +96,10 @@ def diagnose_joint(
                 indistinguishable_from=tuple(close),
             )
         )
+    names = {str(r["effect"]) for r in rejected}
+    causes = [c for c in causes if c.effect not in names]
+    for name in sorted(names):
+        after, _ = drop(model, after, name)
     say("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]
     rest = remainder(judge, blocks, seed)
@@ -112,6 +125,7 @@ def diagnose_joint(
         unexplained=_unexplained(judge, blocks, rest, floor, seed) if structured else (),
         next_experiment=(),
         limits=_limits(model, after),
+        rejected=tuple(rejected),
         channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
         ranking=tuple(
             {

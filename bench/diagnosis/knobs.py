@@ -172,7 +172,7 @@ NUISANCES = (
     Nuisance(
         "sampling",
         "s",
-        0.0015,
+        0.0005,
         "jitter and turnaround of a bus; assumed",
         lambda c, x: replace(c, skew_s=c.skew_s + x),
     ),

@@ -32,6 +32,7 @@ from .observed import Channel, Observed
 
 Floats = NDArray[np.float64]
 
+RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 
@@ -205,8 +206,10 @@ class JointModel:
                 ) ** 2
             else:
                 drawn = out[at, kernel.OUT_DUTY] * out[at, kernel.OUT_CURRENT]
-                modelled = candidate.voltage_v - candidate.source_ohm * drawn
-                extra = np.zeros(len(at))
+                drop = candidate.source_ohm * drawn
+                modelled = candidate.voltage_v - drop
+                pace = np.gradient(drop, samples.t_s) if len(drop) > 1 else np.zeros(len(at))
+                extra = (pace * RAIL_S) ** 2
             value = samples.value - modelled
             if keep.sum() >= 5:
                 value = np.nan_to_num(value[keep], nan=1e3, posinf=1e3, neginf=-1e3)
@@ -244,3 +247,15 @@ def _speed(observed: Observed) -> Floats:
     smooth = np.convolve(np.pad(q, span // 2, mode="edge"), weights, mode="valid")
     speed: Floats = np.abs(np.interp(observed.replay.samples, t, np.gradient(smooth, t)))
     return speed
+
+
+def _one_charge(blocks: Blocks) -> Blocks:
+    """Voltage residuals as if the battery's charge had been the same in all recordings."""
+    means = {key: float(b.value.mean()) for key, b in blocks.items() if key[1] is Kind.VOLTAGE}
+    if not means:
+        return blocks
+    common = float(np.mean(list(means.values())))
+    return {
+        key: replace(b, value=b.value - (means[key] - common)) if key in means else b
+        for key, b in blocks.items()
+    }

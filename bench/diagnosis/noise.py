@@ -131,7 +131,11 @@ def cost_by_sample(block: Block, noise: Noise) -> Floats:
     return costs
 
 
-def estimate(blocks: Sequence[Block], floor: float, start: Noise | None = None) -> Noise:
+def estimate(
+    blocks: Sequence[Block],
+    floor: float,
+    start: Noise | None = None,
+) -> Noise:
     """The noise that makes some blocks of one channel likeliest; the white part is >= ``floor``."""
     spread = math.sqrt(float(np.mean([np.mean(b.value**2) for b in blocks]))) + 1e-12
     if start is None:

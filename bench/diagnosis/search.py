@@ -167,7 +167,7 @@ def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
 def confirm(model: JointModel, base: Fit, effect: Effect, start: Floats) -> Gain:
     """Fit a hypothesis with one effect more."""
     hypothesis = base.hypothesis + effect_knobs(effect)
-    found = fit(model, hypothesis, start, base.noise, rounds=2, evaluations=5)
+    found = fit(model, hypothesis, start, base.noise, rounds=5)
     own = [
         k
         for k in range(len(base.z), len(found.z))
@@ -318,5 +318,5 @@ def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float]:
         if k.effect == name and not k.parameter.shape
     ]
     start = np.concatenate([now.z[:count], now.z[count:][keep]])
-    without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=2, evaluations=5)
+    without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=5)
     return without, (without.cost - now.cost) / inflation(model, now, own)
