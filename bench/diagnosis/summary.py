@@ -63,8 +63,8 @@ def _cause(cause: Cause) -> list[str]:
     how = "a wrong value" if cause.kind == "wrong_value" else "missing physics"
     lines = [
         f"{telling.named(cause)}: {words.meaning(cause.effect)}; {how}",
-        f"  probability {words.percent(cause.probability)}, {telling.explains(cause)}, held-out gain "
-        f"{words.nats(cause.held_out_gain_nats)}",
+        f"  probability {words.percent(cause.probability)}, {telling.explains(cause)}, "
+        f"held-out gain {words.nats(cause.held_out_gain_nats)}",
     ]
     for name, estimate in cause.parameters.items():
         lines.append(

@@ -9,7 +9,6 @@ from typing import Any
 from bench.diagnosis.result import Cause, Diagnosis, Estimate
 
 from .words import (
-    STATES,
     UNITS,
     chance,
     degrees,
@@ -39,12 +38,6 @@ def interval(estimate: Estimate) -> str:
     if unit == "s" and abs(estimate.value) < 0.1:
         return f"{number(1e3 * low)} to {number(1e3 * high)} ms"
     return f"{number(low)} to {number(high)}" + ("" if unit == "(ratio)" else f" {unit}")
-
-
-def state(estimate: Estimate) -> str:
-    """What the state of a parameter means."""
-    kind = "trade-off" if estimate.state.startswith("trade-off") else estimate.state
-    return STATES.get(kind, "")
 
 
 def named(cause: Cause) -> str:

@@ -1,0 +1,300 @@
+"""The page of a diagnosis, and what it says at the terminal."""
+
+import io
+import re
+from dataclasses import replace
+from datetime import date
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from bench.diagnosis.report import Origin, Trace, report_page, write_report
+from bench.diagnosis.report import page as page_module
+from bench.diagnosis.report.pictures import CLOSE_S, worst_stretch
+from bench.diagnosis.report.telling import channel_finding
+from bench.diagnosis.report.traces import typical, worst
+from bench.diagnosis.report.words import meaning
+from bench.diagnosis.result import (
+    VERDICTS,
+    Cause,
+    Diagnosis,
+    Estimate,
+    FitSummary,
+    NextExperiment,
+    Rival,
+)
+from bench.diagnosis.summary import show
+from sim.effects import catalogue
+
+SECTIONS = ("next", "motion", "where", "path", "causes", "ranking", "pairs", "left", "limits")
+SECTIONS += ("model", "how")
+VOID = {"meta", "br", "use", "path", "link", "img"}
+ORIGIN = Origin("rig", "A rig", ("one", "two"), ("punch",), 3, date(2026, 1, 2), "out/model.toml")
+
+CAUSE = Cause(
+    effect="backlash",
+    scope=("arm",),
+    parameters={
+        "width_rad": Estimate(0.0105, (0.0098, 0.0112), "rad"),
+        "other_s": Estimate(0.012, (0.0, 0.5), "s", "trade-off with gain"),
+    },
+    held_out_gain_nats=812.0,
+    explained_share=0.87,
+    probability=0.9,
+    indistinguishable_from=(Rival("dead_zone", ("arm",), 0.08, 2.5),),
+)
+FOUND = Diagnosis(
+    verdict="partly_explained",
+    mismatch=(
+        {"channel": "present_position", "joints": ["arm"], "phase": "reversal", "share": 0.41,
+         "p_value": 1e-5, "time_share": 0.1},
+    ),
+    causes=(CAUSE,),
+    fit=FitSummary(0.021, 0.0042, 0.0031, True, ("swing", "ramp")),
+    unexplained=(
+        {"joints": ["arm"], "predictable_rad": 0.002, "share": 0.3, "where": ["at_rest"],
+         "terms": {"velocity": -0.4}},
+    ),
+    next_experiment=(
+        NextExperiment("dither", {"amplitude_rad": 0.02}, ("backlash", "dead_zone"), 0.95),
+    ),
+    limits=("no voltage register was read",),
+    channels=(
+        {"channel": "position", "judges": "all", "rms_before": 0.02, "rms_after": 0.004,
+         "rounding": 0.0005, "noise": 0.003},
+        {"channel": "duty", "judges": "the controller", "rms_before": 0.003, "rms_after": 0.003,
+         "rounding": 0.0003, "noise": 0.0004},
+    ),
+    rejected=({"effect": "voltage_sag", "channel": "voltage", "wanted_ohm": 1.9},),
+    ranking=(
+        {"effect": "backlash", "with": [], "gain_nats": 90.0, "inflation": 3.0,
+         "deflated_nats": 30.0},
+        {"effect": "punch", "with": ["backlash"], "gain_nats": -2.0, "inflation": 1.0,
+         "deflated_nats": -2.0},
+    ),
+    details={
+        "rollouts": 12345,
+        "noise": {"position": {"white": 0.001, "coloured": 0.002, "memory_s": 0.05}},
+        "nuisances": {"zero": {"value": 0.01, "deviations": 1.0, "unit": "rad"}},
+    },
+)  # fmt: skip
+BARE = Diagnosis("consistent", (), (), FitSummary(0.003, 0.003, 0.003, False, ("a",)), (), (), ())
+
+
+def trace(name="swing", joint="arm", size=0.02, at_s=3.0, count=300):
+    """A sine that the model misses by a bump, of which a tenth is left."""
+    t = np.linspace(0.0, 6.0, count)
+    measured = 0.5 * np.sin(2.0 * t)
+    bump = size * np.exp(-(((t - at_s) / 0.2) ** 2))
+    parts = {"at_rest": np.abs(np.cos(2.0 * t)) < 0.3, "late": t > 4.5}
+    return Trace(
+        name, name, joint, t, measured + 0.05, measured, measured - bump, measured - 0.1 * bump,
+        parts,
+    )  # fmt: skip
+
+
+TRACES = (trace("swing"), trace("ramp", size=0.04))
+
+
+class Parts(HTMLParser):
+    """Elements that are left open, ids, references, and the text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.wrong, self.ids, self.seen, self.text = [], [], [], set(), ""
+        self.attributes = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.add(tag)
+        self.attributes += [(tag, key, value or "") for key, value in attrs]
+        self.ids += [value for key, value in attrs if key == "id"]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        if tag in VOID:
+            return
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture(scope="module")
+def page():
+    return report_page(FOUND, TRACES, ORIGIN)
+
+
+@pytest.fixture(scope="module")
+def parts(page):
+    return Parts(page)
+
+
+def printed(diagnosis):
+    console = Console(file=io.StringIO(), width=400)
+    show(diagnosis, console, [], "out/model.toml")
+    return console.file.getvalue()
+
+
+def test_every_element_is_closed(parts):
+    assert not parts.open
+    assert not parts.wrong
+
+
+def test_ids_are_unique_and_references_lead_somewhere(page, parts):
+    assert len(parts.ids) == len(set(parts.ids))
+    targets = re.findall(r'(?:href="#|url\(#)([^")]+)', page)
+    assert targets
+    assert set(targets) <= set(parts.ids)
+
+
+def test_nothing_is_fetched_from_elsewhere(page, parts):
+    assert "://" not in page
+    assert "@import" not in page
+    assert not parts.seen & {"script", "link", "img", "iframe", "object", "base"}
+    assert not [row for row in parts.attributes if row[1] in ("src", "srcset", "data")]
+    assert all(value.startswith("#") for _, key, value in parts.attributes if key == "href")
+
+
+def test_pictures_take_the_colours_of_the_page(page):
+    drawn = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
+    assert len(drawn) == 5  # worst, typical, parts, time, recordings
+    for picture in drawn:
+        assert not re.findall(r"#[0-9a-fA-F]{6}\b", picture)
+    names = set(re.findall(r"var\((--[a-z]+)\)", page))
+    style = page[page.index("<style>") : page.index("</style>")]
+    light, dark = style.split("prefers-color-scheme: dark", 1)
+    for name in names - {"--face"}:
+        assert f"{name}:" in light
+        assert f"{name}:" in dark
+
+
+@pytest.mark.parametrize("diagnosis", [replace(FOUND, verdict=v) for v in VERDICTS] + [BARE])
+def test_every_verdict_has_every_part(diagnosis):
+    told = Parts(report_page(diagnosis, TRACES[:1], ORIGIN))
+    assert set(SECTIONS) <= set(told.ids)
+    assert not told.open
+    assert diagnosis.verdict.replace("_", " ") in told.text
+
+
+def test_the_page_says_what_was_found(parts):
+    text = " ".join(parts.text.split())
+    for words in (
+        "backlash of arm (missing; explains 87 %), or dead zone: not told apart",
+        "0.0105 rad (0.602°)",
+        "0.0098 to 0.0112 rad",
+        "trade-off with gain",
+        "arm after a reversal: 41 % of the misfit in 10 % of the time (p < 0.001)",
+        "voltage sag: channel voltage, wanted ohm 1.9",
+        "no voltage register was read",
+        "12,345 rollouts",
+        "never considered: punch",
+        "busemu serve --robot out/model.toml",
+    ):
+        assert words in text
+
+
+def test_a_pair_comes_with_the_experiment_that_separates_it(page):
+    pairs = page[page.index('id="pairs"') : page.index('id="left"')]
+    assert "dither (amplitude rad 0.02)" in pairs
+    other = replace(FOUND.next_experiment[0], separates=("backlash", "punch"))
+    page = report_page(replace(FOUND, next_experiment=(other,)), TRACES, ORIGIN)
+    pairs = page[page.index('id="pairs"') : page.index('id="left"')]
+    assert "no experiment was worked out" in pairs
+
+
+def test_names_from_recordings_cannot_write_the_page():
+    odd = trace("<b>&\"'</svg>")
+    text = report_page(FOUND, (odd,), replace(ORIGIN, title="<script>alert(1)</script>"))
+    told = Parts(text)
+    assert not told.seen & {"script", "b>"}
+    assert not told.open
+    assert not told.wrong
+
+
+def test_joints_have_panels_of_their_own():
+    two = report_page(FOUND, (trace(joint="hip"), trace(joint="knee")), ORIGIN)
+    regimes = two[two.index("regimes-figure") : two.index("By recording")]
+    assert ">hip<" in regimes
+    assert ">knee<" in regimes
+
+
+def test_a_name_that_does_not_hold_is_not_recommended():
+    worse = replace(FOUND, fit=replace(FOUND.fit, after=2.0 * FOUND.fit.before))
+    for told, said in ((FOUND, True), (worse, False)):
+        for text in (report_page(told, TRACES, ORIGIN), printed(told)):
+            assert ("use the better model" in text) is said
+            assert ("misses by more than before" in text) is not said
+
+
+def test_a_name_that_explains_little_is_called_a_hint():
+    little = replace(FOUND, causes=(replace(CAUSE, explained_share=0.02),))
+    assert "a hint at most" in printed(little)
+    assert "a hint at most" not in printed(FOUND)
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_summary_begins_with_the_verdict(verdict):
+    causes = () if verdict in ("consistent", "unexplained") else FOUND.causes
+    text = printed(replace(FOUND, verdict=verdict, causes=causes))
+    assert text.startswith(verdict.replace("_", " ").upper())
+    assert ("backlash of arm" in text) is bool(causes)
+
+
+def test_the_summary_says_what_to_do_next():
+    text = printed(FOUND)
+    assert "record dither (amplitude rad 0.02): tells backlash and dead zone apart" in text
+    assert "it could also be dead zone (8 %)" in text
+    assert "record more groups of motions" in printed(BARE)
+
+
+def test_a_controller_that_follows_its_law_is_cleared():
+    duty = FOUND.channels[1]
+    assert channel_finding(duty).startswith("cleared")
+    off = duty | {"noise": 0.1, "rms_before": 0.1, "rms_after": 0.1}
+    assert channel_finding(off).startswith("no better")
+    assert channel_finding(off | {"rms_after": 0.05}).startswith("better")
+
+
+def test_the_picture_looks_closely_where_the_model_is_farthest_off():
+    for at_s in (0.2, 3.0, 5.8):
+        start, end = worst_stretch(trace(at_s=at_s))
+        assert start <= at_s <= end
+        assert end <= start + CLOSE_S
+
+
+def test_the_typical_recording_is_of_another_group_than_the_worst():
+    traces = [trace("a", size=0.05), trace("b", size=0.01), trace("c", size=0.02)]
+    twin = replace(trace("twin", size=0.049), group="a")
+    assert worst([*traces, twin]).name == "a"
+    assert typical([*traces, twin]).group != "a"
+    assert typical(traces[:1]) is None
+
+
+def test_an_effect_without_words_is_told_by_its_equation(monkeypatch):
+    monkeypatch.setattr("bench.diagnosis.report.words.MEANINGS", {})
+    assert meaning("backlash") == catalogue()["backlash"].equation
+
+
+def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    path.write_text("old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(page_module.os, "replace", full)
+    with pytest.raises(OSError, match="No space"):
+        write_report(path, FOUND, TRACES, ORIGIN)
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+    assert path.read_text() == "old"
