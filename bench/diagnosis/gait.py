@@ -154,7 +154,7 @@ class Bins:
         part = np.where(known, (cycles - whole) * BINS, -1.0)
         first = whole[known].min() if known.any() else 0.0
         turn = np.where(known, whole - first, -1).astype(np.intp)
-        centres = (np.arange(BINS) + 0.5) / BINS * phase.period_s
+        centres = (np.arange(BINS, dtype=np.float64) + 0.5) / BINS * phase.period_s
         return cls(np.floor(part).astype(np.intp), turn, centres, int(turn.max(initial=-1)) + 1)
 
     @classmethod
@@ -164,7 +164,8 @@ class Bins:
         index = np.where(since >= 0.0, np.floor(since), -1).astype(np.intp)
         turn = np.where(index >= 0, np.floor(2.0 * (since - index)), -1).astype(np.intp)
         count = int(index.max(initial=-1)) + 1
-        return cls(index, turn, (np.arange(count) + 0.5) * WINDOW_S + from_s, 2)
+        middles = (np.arange(count, dtype=np.float64) + 0.5) * WINDOW_S + from_s
+        return cls(index, turn, middles, 2)
 
     @property
     def counts(self) -> Ints:

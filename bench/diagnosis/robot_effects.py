@@ -64,7 +64,7 @@ class Placed:
 
     def apply(self, robot: PhysicalRobot, value: float) -> PhysicalRobot:
         """The robot with it; exactly the robot itself where the value is off."""
-        values = self.companions | {self.parameter.name: value}
+        values = {**self.companions} | {self.parameter.name: value}
         return self.effect.apply(robot, self.where, values)
 
     def as_effect(self) -> Effect:
@@ -100,7 +100,7 @@ def _places(kind: Effect, robot: PhysicalRobot) -> list[tuple[str, tuple[str, ..
         return [(EVERYWHERE, ()), *((leg, (leg,)) for leg in legs)]
     elif kind.scope is Scope.BODY:
         names = [body.name for body in robot.bodies]
-        trunk = [(TRUNK, (TRUNK,))]
+        trunk: list[tuple[str, tuple[str, ...]]] = [(TRUNK, (TRUNK,))]
         if kind.name == "com_offset":
             return trunk
         return trunk + [(s, _ending(names, s)) for s in SEGMENTS]

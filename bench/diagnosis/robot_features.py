@@ -168,4 +168,4 @@ def _centred(values: Floats) -> Floats:
 
 def _leg(robot: Robot, joint: str) -> int:
     names = [str(leg["name"]) for leg in robot.document["leg"]]
-    return names.index(joint.split(".")[0])
+    return names.index(joint.split(".", maxsplit=1)[0])

@@ -2,13 +2,14 @@
 
 Replays of a whole robot take the time of hundreds of one joint's, so a vector is not replayed. What
 a nuisance does is a trace replayed once a motion; what an effect does is replayed at a few values
-of its knob and interpolated; traces add up. Where a fit has led somewhere, :meth:`RobotModel.recentre`
-replays exactly there and keeps the difference, so that the next fit starts from truth.
+of its knob and interpolated; traces add up. Where a fit has led somewhere,
+:meth:`RobotModel.recentre` replays exactly there and keeps the difference, so that the next fit
+starts from truth.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +56,9 @@ def rows_of(outcome: Outcome) -> Rows:
 class RobotModel:
     """Residuals of a whole robot; a vector is the nuisances, then the hypothesis's knobs.
 
-    Knobs are those of :mod:`bench.diagnosis.robot_effects`. Close it, or use it with ``with``.
+    Knobs are those of :mod:`bench.diagnosis.robot_effects`. ``without`` are nuisances that are
+    taken to be known, by the first word of their names (``zero``). Close it, or use it with
+    ``with``.
     """
 
     def __init__(
@@ -65,12 +68,16 @@ class RobotModel:
         courses: Sequence[Course],
         say: Progress = lambda _: None,
         processes: int | None = None,
+        without: Collection[str] = (),
     ) -> None:
         self.base = base
         self.features = tuple(Features.of(course, robot) for course in courses)
         self.observed = tuple(Observed(c.name, c.group) for c in courses)
         self.quantum_rad = courses[0].quantum_rad
-        self.nuisances: tuple[RobotNuisance, ...] = nuisances(base, self.quantum_rad)
+        self._trials = [t for t in trials(base) if t.name.split()[0] not in without]
+        self.nuisances: tuple[RobotNuisance, ...] = tuple(
+            n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without
+        )
         self.placed: dict[str, Placed] = placed_effects(base)
         self.motion = _motions(self.features)  #: for each recording, the first like it
         self.replays = Replays(base, self.features, processes)
@@ -127,7 +134,7 @@ class RobotModel:
     def _traces(self) -> dict[int, dict[RobotKind, Floats]]:
         """By motion and kind: rows x nuisances, each for one deviation of its prior."""
         motions = sorted(set(self.motion))
-        every = trials(self.base)
+        every = self._trials
         jobs = [Job(m, trial=trial.name) for m in motions for trial in every]
         found = iter(self._run(jobs))
         traces = {}
@@ -290,6 +297,7 @@ class RobotModel:
         return self._data[r][kind]
 
     def block(self, r: int, kind: RobotKind, value: Floats) -> Block:
+        """Rows of a recording, as many as it has, as a block; those nobody saw are left out."""
         features = self.features[r]
         if kind is RobotKind.JOINTS:
             times = features.t_s
@@ -302,6 +310,12 @@ class RobotModel:
     def close(self) -> None:
         """End the processes."""
         self.replays.close()
+
+    def __enter__(self) -> RobotModel:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def _motions(features: Sequence[Features]) -> tuple[int, ...]:

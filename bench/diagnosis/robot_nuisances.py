@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 from sim.drive.parameters import DriveParameters
 from sim.effects import effect
+from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
@@ -76,8 +77,7 @@ def _friction(drive: DriveParameters, x: float) -> DriveParameters:
 
 
 def _mass(mass: MassProperties, x: float) -> MassProperties:
-    inertia = tuple(moment * (1.0 + x) for moment in mass.inertia_kg_m2)
-    return replace(mass, mass_kg=mass.mass_kg * (1.0 + x), inertia_kg_m2=inertia)
+    return scaled(mass, {"scale": 1.0 + x})
 
 
 def _trunk_mass(robot: PhysicalRobot, x: float) -> PhysicalRobot:
@@ -165,7 +165,8 @@ COMMON = {
     "tilt": ("rad", math.radians(1.0) / ROOT3, "tilt up to 1 deg"),
     "supply": ("(ratio)", 0.02, "battery from charge to charge; assumed"),
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
-    "grip": ("(ratio)", 0.15, "friction of a floor; assumed"),
+    "late": ("s", 0.001, "a host's adapter; assumed"),
+    "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
 }
 
 
@@ -193,5 +194,6 @@ def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
         found.append(Trial(f"tilt {axis}", math.radians(1.0), change))
     found.append(Trial("supply", 0.03, _supply))
     found.append(Trial("gain", 0.05, _gain))
+    found.append(Trial("late", 0.002, _of_effect("transport_delay", "delay_s", ())))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
     return tuple(found)

@@ -14,10 +14,10 @@ from busemu.tables import Robot
 from sim.condition import under
 from sim.drive import kernel
 from sim.drive.parameters import pack
+from sim.shapes import spread
 from sim.stability import LARGEST, stiffness_number, too_stiff
 from sim.stepped import TICK_S, SteppedPlant
 from sim.tree import SEGMENTS, PhysicalRobot, Trunk
-from sim.shapes import spread
 from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
 from .commands import drive_commands
@@ -29,7 +29,9 @@ BASE_EVERY = 10  #: ticks between two looks at the trunk
 LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
 #: when a servo samples between the instruction and its reply, as a share of that wait: servos that
 #: are read together look when it is their turn, and the last part is the line's and the host's
-TURN = 0.85
+TURN = 0.87
+#: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
+LATE_S = 0.0015
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,9 +109,9 @@ def _waits_s(recording: Recording, servo_id: int) -> Floats:
     rows = recording.rows(servo_id, "present_position", "read")
     raw = recording.table.column("raw").to_numpy()[rows]
     reply = recording.table.column("t_reply_s").to_numpy()[rows]
-    waits = (reply - recording.t_s[rows])[~np.isnan(raw)]
-    found: Floats = np.nan_to_num(waits, nan=0.0)
-    return found
+    waits: Floats = (reply - recording.t_s[rows])[~np.isnan(raw)]
+    waits[np.isnan(waits)] = 0.0
+    return waits
 
 
 def loaded(robot: PhysicalRobot, condition: Mapping[str, Any]) -> PhysicalRobot:
@@ -151,25 +153,24 @@ class Jitter:
     seed: int
     angle_rad: float = 0.002  #: deviation of the first joint angles; under a count of the sensor
     yaw_rad: float = 0.01
-    late_s: float = 0.001  #: commands come later by up to this
 
-    def draw(self, joints: int) -> tuple[Floats, float, float]:
-        """Offsets of the joints [rad], of the heading [rad], and of the commands [s]."""
+    def draw(self, joints: int) -> tuple[Floats, float]:
+        """Offsets of the joints and of the heading [rad]."""
         random = np.random.default_rng([self.seed, 31])
         angles = self.angle_rad * random.standard_normal(joints)
-        return angles, self.yaw_rad * random.standard_normal(), self.late_s * random.random()
+        return angles, self.yaw_rad * random.standard_normal()
 
 
 class _Stage(SteppedPlant):
     """A plant that is told drive columns and remembers every tick."""
 
-    def play(self, course: Course, late_s: float, base: bool) -> Track:
+    def play(self, course: Course, base: bool) -> Track:
         """Run a course from its beginning."""
-        ticks = int(np.ceil((course.end_s + late_s) / TICK_S)) + 2
+        ticks = int(np.ceil(course.end_s / TICK_S)) + 3
         sensed = np.empty((ticks, len(self._names)))
         heights = []
         # a command acts from the first tick after it, as behind the bus
-        due = np.floor((course.events[:, 0] + late_s) / TICK_S + 1e-6).astype(int) + 1
+        due = np.floor((course.events[:, 0] + LATE_S) / TICK_S + 1e-6).astype(int) + 1
         rows = course.events[:, 1:].tolist()
         self.bank.commands[:] = course.start
         k = 0
@@ -183,7 +184,7 @@ class _Stage(SteppedPlant):
                 heights.append(self._engine.observe()[HEIGHT])
             for _ in range(self._steps_per_tick):
                 self._step()
-        times = np.arange(len(heights)) * BASE_EVERY * TICK_S
+        times = np.arange(len(heights), dtype=np.float64) * (BASE_EVERY * TICK_S)
         return Track(self._as_sensed(sensed), times, np.array(heights))
 
     def _as_sensed(self, joint_rad: Floats) -> Floats:
@@ -204,7 +205,7 @@ def play(robot: PhysicalRobot, course: Course, jitter: Jitter | None = None) -> 
     :class:`sim.entries.PhysicsError` for a gear too stiff for any step.
     """
     count = len(robot.joints)
-    angles, yaw, late_s = jitter.draw(count) if jitter else (np.zeros(count), 0.0, 0.0)
+    angles, yaw = jitter.draw(count) if jitter else (np.zeros(count), 0.0)
     offsets = np.array([j.drive.zero_offset_rad * j.direction for j in robot.joints])
     first = course.first_rad - offsets + angles
     posture = {j.name: float(q) for j, q in zip(robot.joints, first, strict=True)}
@@ -217,7 +218,7 @@ def play(robot: PhysicalRobot, course: Course, jitter: Jitter | None = None) -> 
         steps = _steps_per_tick(robot, world)
         world.set_step(TICK_S / steps)
         stage = _Stage(robot, world, steps_per_tick=steps, substeps=SUBSTEPS)
-        return stage.play(course, late_s, base=course.height is not None)
+        return stage.play(course, base=course.height is not None)
     finally:
         world.close()
 

@@ -43,6 +43,7 @@ class Screen:
     """Whitened traces of effects in the data's own units, nuisances projected out.
 
     ``kinds``: those used; leave :attr:`RobotKind.HEIGHT` out for what joint registers alone tell.
+    ``already``: effects in the model, whose traces are projected out as well.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Screen:
         residual: Sequence[Rows],
         kinds: Iterable[RobotKind] = tuple(RobotKind),
         which: Sequence[int] | None = None,
+        already: Sequence[str] = (),
     ) -> None:
         self._model, self._noise = model, noise
         self._kinds = tuple(kinds)
@@ -63,9 +65,11 @@ class Screen:
         normal = (nuisances * self._weight[:, None]).T @ nuisances + np.eye(nuisances.shape[1])
         self._solve = np.linalg.inv(normal)
         self._traces: dict[str, Floats] = {}
+        for name in already:  # nor what they could do
+            self._project(name)
 
     def _whitened(self, rows: Sequence[Rows]) -> Floats:
-        """Columns of several recordings (each kind: (rows,) or (rows, k)) as the noise sees them."""
+        """Columns of several recordings, (rows,) or (rows, k) of each kind, as noise sees them."""
         parts = []
         for r, by_kind in zip(self._which, rows, strict=True):
             for kind in self._kinds:
@@ -78,6 +82,13 @@ class Screen:
                 out, _ = whiten(block, self._noise[kind], np.ascontiguousarray(columns[known]))
                 parts.append(out)
         return np.concatenate(parts)
+
+    def _project(self, name: str) -> None:
+        self._nuisances = np.column_stack([self._nuisances, self.trace(name)])
+        normal = (self._nuisances * self._weight[:, None]).T @ self._nuisances
+        prior = np.full(len(normal), 1.0)
+        prior[len(self._model.nuisances) :] = 1e-6
+        self._solve = np.linalg.inv(normal + np.diag(prior))
 
     def _inner(self, a: Floats, b: Floats) -> float:
         """Product of two whitened traces with the nuisances projected out, under their priors."""
@@ -143,20 +154,3 @@ class Screen:
                     for j, joint in enumerate(model.base.joints):
                         energy[joint.leg] += float((part[features.joint_row == j] ** 2).sum())
         return sorted(legs, key=lambda leg: -energy[leg])[:most]
-
-
-def shortlist(
-    screen: Screen, names: Iterable[str], most: int = 12, a_kind: int = 3
-) -> list[Screened]:
-    """The effects worth fitting: the best, at most ``a_kind`` places of each."""
-    taken: dict[str, int] = {}
-    some = []
-    for found in screen.rank(names):
-        kind = found.name.partition("@")[0]
-        if found.gain_nats <= 0.0 or taken.get(kind, 0) >= a_kind:
-            continue
-        taken[kind] = taken.get(kind, 0) + 1
-        some.append(found)
-        if len(some) == most:
-            break
-    return some

@@ -1,0 +1,87 @@
+import math
+
+import numpy as np
+import pytest
+from walking_robots import believed, marvin, recorded_walk, walked
+
+from bench.diagnosis.robot_effects import placed_effects
+from bench.diagnosis.robot_features import Features
+from bench.diagnosis.robot_nuisances import nuisances, trials
+from bench.diagnosis.robot_replay import Jitter, course, loaded, play
+from bench.recording import Recording, RecordingError
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return play(believed(), walked())
+
+
+def test_a_replay_of_the_same_robot_leaves_little_more_than_rounding(plain):
+    told = walked()
+    seen = list(enumerate(told.sample_s))
+    apart = np.concatenate([told.position_rad[j] - plain.at(j, t) for j, t in seen])
+    # what is not told is when within its turn a servo looked: as far as the nuisance allows
+    (instant,) = (n.deviation for n in nuisances(believed(), 0.0) if n.name == "sampling")
+    moved = np.concatenate([plain.at(j, t + instant) - plain.at(j, t) for j, t in seen])
+    rounding = told.quantum_rad / math.sqrt(12.0)
+    assert np.std(apart) < math.hypot(rounding, np.std(moved))
+
+
+def test_a_replay_is_the_same_again_and_another_start_changes_it_little(plain):
+    told = walked()
+    assert (play(believed(), told).angle_rad == plain.angle_rad).all()
+    features = Features.of(told, marvin())
+    other = play(believed(), told, Jitter(1))
+    assert (other.angle_rad != plain.angle_rad).any()
+    moved = features.of_track(other)[0] - features.of_track(plain)[0]
+    assert np.sqrt(np.mean(moved**2)) < 0.1 * told.quantum_rad
+
+
+def test_a_sensor_turned_on_its_shaft_is_read_turned(plain):
+    offset = 0.05
+    turned = placed_zero(believed(), "leg1.femur", offset)
+    track = play(turned, walked())
+    joint = [j.name for j in believed().joints].index("leg1.femur")
+    # the controller brings what the sensor reads to the goal: what is read hardly moves
+    features = Features.of(walked(), marvin())
+    moved = features.of_track(track)[0] - features.of_track(plain)[0]
+    assert abs(moved[features.joint_row == joint].mean()) < 0.5 * offset
+
+
+def placed_zero(robot, joint, offset):
+    from sim.effects import effect  # noqa: PLC0415
+
+    return effect("zero_offset").apply(robot, (joint,), {"offset_rad": offset})
+
+
+def test_a_recording_without_some_joint_is_refused():
+    whole = recorded_walk()
+    ids = whole.table.column("servo_id").to_pylist()
+    some = whole.table.filter([i != 7 for i in ids])
+    cut = Recording.checked(some, whole.metadata)
+    with pytest.raises(RecordingError, match=marvin().by_id[7].joint):
+        course(cut, marvin())
+
+
+def test_a_weight_in_the_condition_is_on_the_trunk():
+    heavier = loaded(believed(), {"payload_kg": 0.092})
+    assert heavier.mass_kg == pytest.approx(believed().mass_kg + 0.092)
+    assert loaded(believed(), {}) == believed()
+
+
+def test_every_placed_effect_is_off_at_zero_and_something_at_its_first_try():
+    robot = believed()
+    for name, placed in placed_effects(robot).items():
+        assert placed.name == name
+        assert placed.apply(robot, placed.knob.value(0.0)) == robot, name
+        assert placed.apply(robot, placed.knob.value(placed.first_z)) != robot, name
+
+
+def test_every_nuisance_has_its_trial():
+    robot = believed()
+    known = {trial.name for trial in trials(robot)}
+    for nuisance in nuisances(robot, 0.005):
+        assert not nuisance.trial or nuisance.trial in known, nuisance.name
+        assert nuisance.deviation > 0.0
+    for trial in trials(robot):
+        assert trial.change(robot, trial.size) != robot
