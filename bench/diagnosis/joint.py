@@ -17,12 +17,13 @@ from .fit import EDGE, Fit, block_rms, bounds, estimate_noise, fit
 from .floor import ENGINE_RAD, noise_floor, tolerance
 from .knobs import joint_effects
 from .model import Blocks, Hypothesis, JointModel, Kind
+from .next_experiment import next_experiments
 from .observed import Observed
 from .regimes import localise
 from .remainder import Remainder, remainder
 from .result import Cause, Diagnosis, Estimate, FitSummary
 from .rivals import rivals
-from .search import Progress, covariances, drop, grow, held_out, relief, score_outside
+from .search import RELIEF, Progress, covariances, drop, grow, held_out, relief, score_outside
 
 Floats = NDArray[np.float64]
 
@@ -63,21 +64,26 @@ def diagnose_joint(
     say("fitting what the operator believes")
     before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
     start_blocks = model.residuals(Hypothesis(), [before.z])[0]
-    floor = noise_floor([*observed, *judged])
+    floor = noise_floor(observed, start_blocks)
     floors = {kind: noise.total for kind, noise in before.noise.items()} | {
         Kind.POSITION: tolerance(floor)
     }
     after, taken, confirmed = grow(model, before, dict(effects), say, floors)
     whole = score_outside(model, after) if len(taken) > 1 else []
-    causes, rejected = [], []
+    causes, rejected, nexts = [], [], []
     for gain in taken:
-        probability, close, without = rivals(model, after, gain.effect, effects, confirmed, say)
+        probability, close, fits, without = rivals(
+            model, after, gain.effect, effects, confirmed, say
+        )
+        if fits:
+            say(f"what would tell {gain.effect} from its rivals")
+            nexts += next_experiments(model, after, fits, gain.inflation)
         outside = gain.held_out
         if whole:
             outside = held_out(score_outside(model, without), whole, floors)
         assert outside is not None
         judged_relief = relief(judge, without, after, floors)
-        if judged_relief <= 0.0:
+        if judged_relief < -RELIEF:
             rejected.append(
                 {
                     "effect": gain.effect,
@@ -99,7 +105,7 @@ def diagnose_joint(
     names = {str(r["effect"]) for r in rejected}
     causes = [c for c in causes if c.effect not in names]
     for name in sorted(names):
-        after, _ = drop(model, after, name)
+        after, *_ = drop(model, after, name)
     say("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]
     rest = remainder(judge, blocks, seed)
@@ -123,7 +129,7 @@ def diagnose_joint(
             recordings=tuple(o.name for o in (judged or observed)),
         ),
         unexplained=_unexplained(judge, blocks, rest, floor, seed) if structured else (),
-        next_experiment=(),
+        next_experiment=tuple(nexts),
         limits=_limits(model, after),
         rejected=tuple(rejected),
         channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
@@ -185,7 +191,9 @@ def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]
         k = count + i
         z, deviation = float(found.z[k]), float(max(spread[k], np.sqrt(believed[k, k])))
         ends = [knob.value(min(high[k], max(low[k], z + s * 1.96 * deviation))) for s in (-1, 1)]
-        other = max((abs(correlation[k, j]), j) for j in range(len(names)) if j != k)
+        other = max(
+            (abs(correlation[k, j]), j) for j in range(len(names)) if j != k and low[j] < high[j]
+        )
         if believed[k, k] > 1e6:
             state = "dead"
         elif deviation > 3.0 * max(1.0, abs(z)):

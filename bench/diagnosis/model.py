@@ -82,7 +82,7 @@ class JointModel:
         self.base = base
         self.observed = tuple(observed)
         joint = observed[0].joint
-        self._mount = robot.by_joint[joint]
+        self.mount = robot.by_joint[joint]
         self.index = next(i for i, j in enumerate(base.joints) if j.name == joint)
         self.recorded_supply = tuple(Channel.VOLTAGE in o.channels for o in observed)
         self.nuisances: tuple[Nuisance, ...] = tuple(
@@ -91,8 +91,9 @@ class JointModel:
         if any(self.recorded_supply):
             self.nuisances = tuple(NUISANCES)
         self._batch = Batch([o.replay for o in observed])
-        table = robot.tables[self._mount.servo_id]
-        self._load_refresh_s = float(table.drive.get("load_refresh_s", 0.0))
+        self.robot = robot
+        self.table = robot.tables[self.mount.servo_id]
+        self._load_refresh_s = float(self.table.drive.get("load_refresh_s", 0.0))
         self._conditions = [tuple(sorted(o.condition.items(), key=str)) for o in observed]
         self._bases = {
             key: under(base, dict(o.condition))
@@ -141,7 +142,7 @@ class JointModel:
 
     def _load(self, robot: PhysicalRobot) -> Load:
         told = one_joint_load(robot)
-        hangs = self._mount.to_servo(told.centre_rad)
+        hangs = self.mount.to_servo(told.centre_rad)
         return Load.pendulum(told.inertia_kg_m2, told.gravity_nm, hangs, max(told.moment_nm, 1e-9))
 
     def residuals(

@@ -64,7 +64,7 @@ class Observed:
     replay: Replay
     channels: Mapping[Channel, Samples]
     goal: tuple[Floats, Floats]  #: times [s] and goal positions [rad] as the controller got them
-    rated_supply_v: float | None  #: as the operator typed it in
+    registers: Mapping[str, int]  #: of the servo, as the metadata has them
 
     @property
     def position(self) -> Samples:
@@ -148,7 +148,13 @@ def _observe(
         replay=Replay(start, events, union, float(first[0]), velocity),
         channels=channels,
         goal=(goal_t, goal),
-        rated_supply_v=condition.get("supply_v"),
+        registers={
+            name: int(raw)
+            for name, raw in recording.metadata.get("servo", {})
+            .get(str(servo_id), {})
+            .get("registers", {})
+            .items()
+        },
     )
 
 

@@ -95,9 +95,9 @@ def _state(model: JointModel, r: int) -> Floats:
     one = model.observed[r]
     good = one.position.good
     t, q = one.position.t_s[good], one.position.value[good]
-    smooth = np.convolve(np.pad(q, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
-    velocity = np.gradient(smooth, t)
-    slow = np.convolve(np.pad(velocity, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
+    smooth: Floats = np.convolve(np.pad(q, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
+    velocity: Floats = np.asarray(np.gradient(smooth, t), np.float64)
+    slow: Floats = np.convolve(np.pad(velocity, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
     goal_t, goal = one.goal
     latest = np.maximum(np.searchsorted(goal_t, t, side="right") - 1, 0)
     goal_velocity = np.gradient(goal[latest], t)

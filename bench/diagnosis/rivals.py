@@ -25,26 +25,35 @@ def rivals(
     effects: Mapping[str, Effect],
     known: Sequence[Gain],
     say: Progress,
-) -> tuple[float, list[Rival], Fit]:
-    """Probability of an effect among all fitted in its place, those close, the fit without it."""
+) -> tuple[float, list[Rival], dict[str, Fit], Fit]:
+    """Probability of an effect among all fitted in its place, and those close behind it.
+
+    Also the fits of those close behind, by effect, and the fit without any in its place.
+    """
     say(f"what {name} could be instead")
-    without, own = drop(model, now, name)
-    gains: dict[str, float] = {}
+    without, own_nats, inflations = drop(model, now, name)
+    nats: dict[str, float] = {}
+    fits: dict[str, Fit] = {}
+    tried: list[Gain] = []
     if len(now.hypothesis.effects) == 1:  # the search has fitted them already
-        for gain in known:
-            if gain.effect != name and gain.fit.hypothesis.effects == (gain.effect,):
-                gains[gain.effect] = gain.deflated
+        tried = [g for g in known if g.fit.hypothesis.effects == (g.effect,) and g.effect != name]
     else:
         others = [
             e for n, e in effects.items() if n != name and n not in without.hypothesis.effects
         ]
         for _, other, start in screen(model, without, others)[:TRIED]:
-            gains[other] = confirm(model, without, effects[other], start).deflated
+            tried.append(confirm(model, without, effects[other], start))
+    for gain in tried:
+        nats[gain.effect], fits[gain.effect] = gain.nats, gain.fit
+    scale = float(np.exp(np.mean(np.log([inflations, *(g.inflation for g in tried)]))))
+    own = own_nats / scale
+    gains = {other: value / scale for other, value in nats.items()}
     weights = {other: float(np.exp(TEMPER * min(0.0, g - own))) for other, g in gains.items()}
-    total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * own))
+    total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, own)))
     close = [
         Rival(other, (model.observed[0].joint,), weights[other] / total, own - gain)
         for other, gain in gains.items()
         if own - gain < CLOSE
     ]
-    return 1.0 / total, sorted(close, key=lambda r: r.behind_nats), without
+    close.sort(key=lambda r: r.behind_nats)
+    return 1.0 / total, close, {r.effect: fits[r.effect] for r in close}, without

@@ -210,8 +210,8 @@ def score_outside(model: JointModel, found: Fit) -> list[Score]:
 def relief(model: JointModel, without: Fit, with_it: Fit, floors: Mapping[Kind, float]) -> float:
     """What an effect takes off the recordings it is fitted to, as in :class:`Outside`."""
     everything = range(len(model.observed))
-    scores = [[score(model, found, everything)] for found in (without, with_it)]
-    return held_out(*scores, floors).relief
+    before, after = (score(model, found, everything) for found in (without, with_it))
+    return held_out([before], [after], floors).relief
 
 
 def held_out(
@@ -297,7 +297,8 @@ def prune(model: JointModel, now: Fit, taken: list[Gain], say: Progress) -> tupl
         worst: tuple[float, str, Fit] | None = None
         for name in now.hypothesis.effects:
             say(f"doing without {name}")
-            without, loss = drop(model, now, name)
+            without, nats, inflated = drop(model, now, name)
+            loss = nats / inflated
             if worst is None or loss < worst[0]:
                 worst = (loss, name, without)
         assert worst is not None
@@ -308,8 +309,8 @@ def prune(model: JointModel, now: Fit, taken: list[Gain], say: Progress) -> tupl
     return now, taken
 
 
-def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float]:
-    """The hypothesis without one effect, and what that costs [nats, deflated]."""
+def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float, float]:
+    """The hypothesis without one effect, what that costs [nats], and the effect's inflation."""
     count = len(model.nuisances)
     keep = [k.effect != name for k in now.hypothesis.knobs]
     own = [
@@ -319,4 +320,4 @@ def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float]:
     ]
     start = np.concatenate([now.z[:count], now.z[count:][keep]])
     without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=5)
-    return without, (without.cost - now.cost) / inflation(model, now, own)
+    return without, without.cost - now.cost, inflation(model, now, own)

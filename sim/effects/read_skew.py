@@ -24,7 +24,7 @@ EFFECT = Effect(
         Parameter(
             "skew_s",
             "s",
-            -0.05,
+            0.0,
             0.2,
             typical=0.005,
             off=0.0,
