@@ -1,0 +1,76 @@
+"""Effects that data of one joint cannot tell apart, whatever is done with them.
+
+Only what follows from the equations stands here; what merely looks alike does not. Reasons and use
+stand in docs/proof/rules.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+GRAVITY_AXIS = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What the data of a case can show at all."""
+
+    position_only: bool  #: neither duty, load nor voltage register was read
+    upright: bool  #: the shaft is vertical: gravity does no work
+
+
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """Effects that are one under a condition, and why."""
+
+    effects: frozenset[str]
+    reason: str
+    position_only: bool = False  #: holds only where nothing but positions was read
+    upright: bool = False  #: holds only on a vertical shaft
+
+    def holds(self, sight: Sight) -> bool:
+        """Whether the data cannot tell them apart."""
+        return (sight.position_only or not self.position_only) and (
+            sight.upright or not self.upright
+        )
+
+
+ALIKE = (
+    Alike(
+        frozenset({"dead_zone", "punch"}),
+        "duty = punch + gain (error - margin): both shift the same line",
+    ),
+    Alike(
+        frozenset({"com_offset", "zero_offset"}),
+        "both turn the phase of gravity against the shown angle",
+    ),
+    Alike(
+        frozenset({"transport_delay", "read_skew"}),
+        "a goal that acts late and a position that is shown late are one shift of time",
+        position_only=True,
+    ),
+    Alike(
+        frozenset({"gain_error", "supply_voltage", "torque_constant"}),
+        "each scales the torque for an error; below full duty nothing else",
+        position_only=True,
+    ),
+    Alike(
+        frozenset({"torque_limit", "voltage_sag"}),
+        "torque is lost where the duty is high",
+        position_only=True,
+    ),
+    Alike(
+        frozenset({"link_mass", "payload", "rotor_inertia"}),
+        "without gravity each is nothing but inertia",
+        upright=True,
+    ),
+)
+
+
+def same(effect: str, sight: Sight) -> frozenset[str]:
+    """An effect and all that are one with it in such data."""
+    found = {effect}
+    for alike in ALIKE:
+        if effect in alike.effects and alike.holds(sight):
+            found |= alike.effects
+    return frozenset(found)

@@ -1,0 +1,98 @@
+"""What is published before a case is diagnosed: hashes of the keys, and who diagnoses."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from bench.blind import read_public
+
+from . import confined
+from .errors import ProofError
+from .processes import ROOT
+
+FORMAT = "busemu-published/1"
+FILE = "published.json"
+#: packages that a diagnosis is made of; what writes the cases and what scores is not among them
+DIAGNOSER = ("busemu", "sim", "bench")
+NOT_DIAGNOSER = (Path("bench/blind"), Path("bench/proof"))
+
+
+def write_json(path: Path, document: Any) -> None:
+    """Write a document, whole or not at all."""
+    part = path.with_name(f".{path.name}.part")
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    with part.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(part, path)
+
+
+def sources() -> str:
+    """A hash of the diagnoser's sources as they are now."""
+    total = hashlib.sha256()
+    for package in DIAGNOSER:
+        for path in sorted((ROOT / package).rglob("*")):
+            short = path.relative_to(ROOT)
+            if path.suffix not in (".py", ".toml"):
+                continue
+            if not any(short.is_relative_to(other) for other in NOT_DIAGNOSER):
+                total.update(f"{short}\n".encode() + path.read_bytes())
+    return total.hexdigest()
+
+
+@cache
+def commit() -> str:
+    """The commit of the sources, with ``-dirty`` where they differ from it; else the version."""
+    try:
+        found = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return f"version {version('busemu')}"
+    return found.stdout.strip()
+
+
+def publish(folder: Path, cases: list[str], plan: str, generator: str) -> dict[str, Any]:
+    """Write ``published.json`` before anything is diagnosed, or check that it still holds.
+
+    Raises :class:`ProofError` where the cases or the diagnoser are others than those published.
+    """
+    keys = {}
+    for name in cases:
+        public = read_public(folder / "cases" / name)
+        keys[name] = {field: public[field] for field in ("key_sha256", "truth_sha256")}
+    path = folder / FILE
+    if path.exists():
+        told: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        if told["plan_sha256"] != plan:
+            raise ProofError(f"{path}: is of another seed or another number of cases: use --out")
+        if told["cases"] != keys:
+            raise ProofError(f"{path}: the cases are not those that were published: use --out")
+        if told["diagnoser"]["sources_sha256"] != sources():
+            raise ProofError(
+                f"{path}: the diagnoser has changed since it was published ({commit()} now, "
+                f"{told['diagnoser']['commit']} then): go back to it, or use --out"
+            )
+        return told
+    told = {
+        "format": FORMAT,
+        "plan_sha256": plan,
+        "generator": generator,
+        "diagnoser": {"commit": commit(), "sources_sha256": sources()},
+        "confinement": f"Landlock {confined.version()}" if confined.version() else "none",
+        "cases": keys,
+    }
+    write_json(path, told)
+    return told

@@ -1,0 +1,143 @@
+"""The one table that translates a key's parameters into those of the catalogue."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from bench.blind.rigs import RIGS
+from bench.blind.servos import Sheet
+
+Values = Mapping[str, float]
+Translate = Callable[[Values, Values, Sheet], float]
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """A true value of a catalogue's parameter; ``off`` is where the effect is not there."""
+
+    value: float
+    off: float
+
+
+def _is(name: str) -> Translate:
+    return lambda value, off, sheet: value[name]
+
+
+def _negative(name: str) -> Translate:
+    return lambda value, off, sheet: -value[name]
+
+
+def _wrapped(name: str) -> Translate:
+    return lambda value, off, sheet: math.remainder(value[name], 2.0 * math.pi)
+
+
+def _over_off(name: str) -> Translate:
+    return lambda value, off, sheet: value[name] / off[name]
+
+
+def _inverse(name: str) -> Translate:
+    return lambda value, off, sheet: 1.0 / value[name]
+
+
+def _of_rotor(name: str) -> Translate:
+    return lambda value, off, sheet: 1.0 + value[name] / sheet.armature_kg_m2
+
+
+#: by effect: the catalogue's parameters, the one that says how large it is first
+TABLE: Mapping[str, Mapping[str, Translate]] = MappingProxyType(
+    {
+        "backlash": {"width_rad": _is("width_rad")},
+        "cable_drag": {
+            "stiffness_nm_rad": _is("stiffness_nm_rad"),
+            "rest_rad": _is("rest_rad"),
+        },
+        "com_offset": {"x_m": _is("x_m")},
+        "coulomb_friction": {"more_nm": _is("torque_nm")},
+        "dead_zone": {"margin_rad": _is("margin_rad")},
+        "directional_load_friction": {
+            "driving": _is("motor_coefficient"),
+            "backdriving": _is("external_coefficient"),
+        },
+        "encoder_nonlinearity": {
+            "amplitude_rad": _is("amplitude_rad"),
+            "periods": _is("harmonic"),
+            "phase_rad": _wrapped("phase_rad"),
+        },
+        "gain_error": {"scale": _is("factor")},
+        "integral_action": {"gain_per_rad_s": _is("gain_per_rad_s")},
+        "joint_compliance": {
+            "compliance_rad_nm": _inverse("stiffness_nm_rad"),
+            "damping_nm_s_rad": _is("damping_nm_s_rad"),
+        },
+        "link_mass": {"scale": _is("factor")},
+        "load_friction": {"ratio": _is("coefficient")},
+        "load_refresh": {"period_s": _is("period_s")},
+        "lost_samples": {"share": _is("rate")},
+        "overload_shutdown": {"duty": _is("duty"), "time_s": _is("overload_s")},
+        "payload": {"mass_kg": _is("mass_kg")},
+        "punch": {"duty": _is("duty")},
+        # the generator tells the age of what is shown, the catalogue how late a sample is taken
+        "read_skew": {"skew_s": _negative("skew_s")},
+        "rotor_inertia": {"scale": _of_rotor("inertia_kg_m2")},
+        "stribeck_friction": {
+            "stribeck_nm": _is("torque_nm"),
+            "velocity_rad_s": _is("velocity_rad_s"),
+        },
+        "supply_voltage": {"scale": _over_off("voltage_v")},
+        "thermal_derating": {
+            "heat_resistance_k_w": _is("heat_resistance_k_w"),
+            "time_s": _is("time_constant_s"),
+        },
+        "torque_limit": {"duty": _is("duty_limit")},
+        "transport_delay": {"delay_s": _is("delay_s")},
+        "velocity_limit": {"limit_rad_s": _is("limit_rad_s")},
+        "viscous_friction": {"more_nm_s_rad": _is("coefficient_nm_s_rad")},
+        "voltage_sag": {"resistance_ohm": _is("resistance_ohm")},
+        # shown = true angle - angle in the key, angle + offset in the catalogue
+        "zero_offset": {"offset_rad": _negative("angle_rad")},
+    }
+)
+#: off values that are not 0
+OFF: Mapping[str, float] = MappingProxyType(
+    {
+        "gain_error": 1.0,
+        "link_mass": 1.0,
+        "overload_shutdown": math.inf,
+        "rotor_inertia": 1.0,
+        "supply_voltage": 1.0,
+        "torque_limit": 1.0,
+        "velocity_limit": math.inf,
+    }
+)
+
+
+def true_parameters(hidden: Mapping[str, Any], rig: str) -> dict[str, Truth]:
+    """An effect's true parameters by the catalogue's names; ``hidden`` is an entry of a key.
+
+    Empty for what is in no catalogue.
+    """
+    told = hidden["parameters"]
+    value = {name: _number(q["value"]) for name, q in told.items()}
+    off = {name: _number(q["off"]) for name, q in told.items()}
+    names = TABLE.get(hidden["effect"], {})
+    sheet = RIGS[rig].sheet
+    found = {}
+    for index, (name, translate) in enumerate(names.items()):
+        if all(map(math.isfinite, value.values())):
+            where_off = OFF.get(hidden["effect"], 0.0) if index == 0 else math.nan
+            found[name] = Truth(translate(value, off, sheet), where_off)
+    return found
+
+
+def error_of(true: Truth, estimate: float) -> float:
+    """Error of an estimate as a share of how far the truth is from off; of itself for a limit."""
+    size = abs(true.value) if math.isinf(true.off) else abs(true.value - true.off)
+    return abs(estimate - true.value) / size
+
+
+def _number(value: float | None) -> float:
+    return math.inf if value is None else float(value)

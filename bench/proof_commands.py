@@ -1,0 +1,131 @@
+"""The command ``busemu prove``."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from busemu.cli import end_by_interrupt, fail
+
+if TYPE_CHECKING:
+    from .proof.plan import Planned
+    from .proof.running import Proof
+
+
+def prove(
+    seed: Annotated[int, typer.Option(min=0, help="Draws the cases; the same gives the same.")],
+    out: Annotated[Path, typer.Option(help="Folder for cases, answers, score and figures.")],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three easy cases and a small catalogue: does it run?")
+    ] = False,
+    cases: Annotated[
+        int | None,
+        typer.Option(min=1, help="A balanced part of so many cases. Default: all."),
+    ] = None,
+    processes: Annotated[int, typer.Option(min=1, help="How many run at a time.")] = 2,
+    only_plan: Annotated[
+        bool, typer.Option("--only-plan", help="Show what would be drawn, and stop.")
+    ] = False,
+) -> None:
+    """Prove the diagnosis on cases with a concealed effect whose keys it cannot read.
+
+    It draws rigs from another engine, hides an effect (or none, or several, or one that nobody
+    knows) in each, publishes the hashes of the keys, has every case diagnosed by a process that
+    sees only what an operator would, then opens the keys and scores:
+
+        busemu prove --seed 7 --out proof-7 --cases 100
+
+    Ctrl-C keeps what is finished; the same command goes on from there. What is counted, and how,
+    stands in docs/proof/rules.md.
+    """
+    from .proof.errors import ProofError
+    from .proof.plan import plan
+    from .proof.report import write_score
+    from .proof.running import Proof
+
+    if quick and cases is not None:
+        fail("--quick has its own cases: leave --cases away")
+    try:
+        planned = plan(seed, cases, quick=quick)
+    except ValueError as error:
+        fail(f"--cases: {error}")
+    _tell_plan(planned)
+    if only_plan:
+        return
+    proof = Proof(out.resolve(), planned, processes)
+    end_by_interrupt()
+    try:
+        proof.prepare()
+        with _bar("writing cases", len(planned)) as show:
+            proof.write(show)
+        for case in proof.not_had:
+            typer.echo(f"not to be had: {case['name']}, left out")
+        published = proof.publish()
+        typer.echo(
+            f"published {proof.folder / 'published.json'}: {len(published['cases'])} keys, "
+            f"diagnoser {published['diagnoser']['commit']}, "
+            f"confinement {published['confinement']}"
+        )
+        _diagnose(proof)
+        score = write_score(proof, seed, published)
+    except ProofError as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
+    except KeyboardInterrupt:
+        typer.echo("interrupted; finished cases are kept, the same command goes on")
+        raise typer.Exit(130) from None
+    _tell_score(score)
+    typer.echo(f"look at   {out / 'score.json'}, {out / 'cases.csv'}")
+
+
+def _tell_plan(planned: tuple[Planned, ...]) -> None:
+    kinds = Counter(str(case.asked.kind) for case in planned)
+    told = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+    effects = {name for case in planned for name in case.asked.effects}
+    typer.echo(f"{len(planned)} cases: {told}; {len(effects)} effects by name")
+
+
+def _diagnose(proof: Proof) -> None:
+    done = sum(proof.answers.finished(name) for name in proof.had)
+    with _bar("diagnosing", len(proof.had), done) as show:
+        for _ in proof.answer():
+            done += 1
+            show(done)
+
+
+def _tell_score(score: dict[str, Any]) -> None:
+    from .proof.scoring import GOALS
+
+    for name in GOALS:
+        row = score.get(name)
+        if row is None:
+            continue
+        if row["value"] is None:
+            typer.echo(f"{name:24} no case speaks for it")
+            continue
+        low, high = row["ci95"]
+        typer.echo(
+            f"{name:24} {row['value']:7.3f}  [{low:.3f}, {high:.3f}]  n {row['n']:4}  "
+            f"good {row['good']:g}, great {row['great']:g}: {row['met']}"
+        )
+
+
+@contextmanager
+def _bar(words: str, total: int, done: int = 0) -> Iterator[Callable[[int], None]]:
+    """Yield what takes how many are done; shows a bar with the rest time at a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as Rest
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), Rest())
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(words, total=total, completed=done)
+        yield lambda count: bar.update(task, completed=count)
