@@ -16,6 +16,7 @@ from .noise import CLIP, Block, Noise, cost, estimate, whiten
 Floats = NDArray[np.float64]
 
 STEP = 0.02  #: of the finite differences, in units of a knob
+TICKS_S = 0.002  #: least step of times: firmware has a tick of 1 ms
 NUISANCE_STEP = 0.2  #: in deviations of its prior
 ROUNDS = 8  #: of fitting and of estimating the noise in turns, at most
 FARTHEST = 4.0  #: deviations of its prior that a nuisance may take: beyond, it is a finding
@@ -91,7 +92,10 @@ def steps(model: JointModel, hypothesis: Hypothesis, z: Floats) -> Floats:
     _, high = bounds(model, hypothesis)
     size = np.array(
         [NUISANCE_STEP] * len(model.nuisances)
-        + [STEP * max(1.0, abs(x)) for x in z[len(model.nuisances) :]]
+        + [
+            max(STEP * max(1.0, abs(x)), TICKS_S / k.unit if k.parameter.unit == "s" else 0.0)
+            for x, k in zip(z[len(model.nuisances) :], hypothesis.knobs, strict=True)
+        ]
     )
     return np.where(z + size > high, -size, size)
 

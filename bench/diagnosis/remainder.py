@@ -105,18 +105,17 @@ def _state(model: JointModel, r: int) -> Floats:
 
 
 def _terms(model: JointModel, r: int, scales: Floats) -> tuple[list[str], Floats]:
-    state = _state(model, r) / scales
-    q, v, e, gv, a = state.T
+    q, v, e, gv, a = (_state(model, r) / scales).T
     names = ["position", "velocity", "error", "goal velocity", "acceleration", "direction"]
     names += ["speed", "direction x error", "square of velocity", "constant"]
-    way = np.tanh(5.0 * v)
+    way: Floats = np.tanh(5.0 * v)
     columns = [q, v, e, gv, a, way, np.abs(v), way * np.abs(e), v * np.abs(v), np.ones_like(q)]
     return names, np.stack(columns, axis=1)
 
 
 def _ridge(table: Floats, values: Floats) -> Floats:
     normal = table.T @ table + RIDGE * np.eye(table.shape[1])
-    weights: Floats = np.linalg.solve(normal, table.T @ values)
+    weights: Floats = np.asarray(np.linalg.solve(normal, table.T @ values), np.float64)
     return weights
 
 

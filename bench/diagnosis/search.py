@@ -33,6 +33,7 @@ PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
 STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
+CLOSE = 6.0  #: nats (deflated) by which the second best may be behind, to be asked at all
 NUMBER_NATS = 1.5  #: gain [nats, deflated] that every number of an effect must be worth
 RELIEF = (
     0.04  #: of the squared noise floor that it must take off the mean square of some kind there
@@ -259,7 +260,7 @@ def grow(
         chosen = None
         plain: list[Score] | None = None
         for gain in gains[:2]:
-            if gain.deflated < NEEDED:
+            if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
                 break
             if relief(model, now, gain.fit, floors) < RELIEF:
                 continue
