@@ -24,9 +24,10 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress
 
+from busemu.control import ControlError
 from busemu.tables import Robot, load_robot
 from hal.bus_client import BusClient
-from hal.bus_errors import BusError, PortLostError, ReplyError
+from hal.bus_errors import BusError, PortError, PortLostError, ReplyError
 
 from .figures.tables import aligned
 from .soak_rigs import Rig, VirtualRig, WallRig
@@ -40,6 +41,8 @@ SHARE = 0.005
 SETTLE_S = 1.0
 #: Memory is looked at after these shares of the run; by the first, all is loaded.
 MARKS = (0.2, 0.4, 0.6, 0.8, 1.0)
+#: A servo that answers none of so many pings is silent: on a busy machine one may be late.
+TRIES = 4
 PACKET_FAULTS = ("drop", "delay", "corrupt", "truncate", "split", "duplicate", "noise", "latency")
 TROUBLES: tuple[Mapping[str, Any], ...] = (
     {"kind": "dead", "servo": 4, "for_s": 2.0},
@@ -62,6 +65,7 @@ class Findings:
     lost: int = 0  #: positions that the program asked for and did not get
     struck: int = 0
     replugs: int = 0
+    busy: int = 0  #: times the server was too busy to be asked for faults
     exceptions: int = 0  #: of another kind than a robot's program has to expect
     silent: int = 0  #: servos that did not answer after all was cleared
     memory_kib: list[int] = field(default_factory=list)  #: at each of :data:`MARKS`
@@ -78,6 +82,7 @@ class Findings:
             ["faults that struck", f"{self.struck}"],
             ["positions lost", f"{self.lost}"],
             ["times the port was opened anew", f"{self.replugs}"],
+            ["times the server was too busy to be asked", f"{self.busy}"],
             ["unexpected exceptions", f"{self.exceptions}"],
             ["servos silent after clearing", f"{self.silent}"],
             [
@@ -109,10 +114,10 @@ def soak(rig: Rig, robot: Robot, seconds: float, tell: Callable[[float], None]) 
                 rig.faults.add(**dict(next(troubles)))
             found.lost += _cycle(client, robot, at_s)
         except PortLostError:
-            found.transactions += client.statistics.transactions
-            with contextlib.suppress(BusError):
-                client = rig.open()
-                found.replugs += 1
+            with contextlib.suppress(PortError):
+                client = _anew(rig, client, found)
+        except ControlError:
+            found.busy += 1
         except BusError:
             pass
         except Exception:
@@ -125,7 +130,10 @@ def soak(rig: Rig, robot: Robot, seconds: float, tell: Callable[[float], None]) 
             rig.memory_kib() for mark in MARKS[len(found.memory_kib) :] if at_s >= mark * seconds
         ]
         tell(at_s)
-    client, found.silent = _clear(rig, client, ids, found)
+    try:
+        client, found.silent = _clear(rig, client, ids, found)
+    except ControlError:
+        found.busy += 1
     found.transactions += client.statistics.transactions
     found.bus_s, found.wall_s = at_s, time.monotonic() - wall_s
     found.drift_s, found.drift_end_s = rig.drift_s()
@@ -159,6 +167,14 @@ def _cycle(client: BusClient, robot: Robot, at_s: float) -> int:
     return lost
 
 
+def _anew(rig: Rig, client: BusClient, found: Findings) -> BusClient:
+    """Open the port anew; raises :class:`PortError` while it is away."""
+    anew = rig.open()
+    found.transactions += client.statistics.transactions
+    found.replugs += 1
+    return anew
+
+
 def _clear(
     rig: Rig, client: BusClient, ids: tuple[int, ...], found: Findings
 ) -> tuple[BusClient, int]:
@@ -168,15 +184,14 @@ def _clear(
     rig.run(rig.clock.now_s() + SETTLE_S)
     silent = found.silent
     for servo_id in ids:
-        try:
-            client.ping(servo_id)
-        except PortLostError:
-            found.transactions += client.statistics.transactions
-            client = rig.open()
-            found.replugs += 1
-            client.ping(servo_id)
-        except BusError:
-            silent += 1
+        for turn in range(TRIES):
+            try:
+                client.ping(servo_id)
+                break
+            except PortLostError:
+                client = _anew(rig, client, found)
+            except BusError:
+                silent += turn == TRIES - 1
     return client, silent
 
 

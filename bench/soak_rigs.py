@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import re
@@ -22,8 +21,17 @@ from busemu.plant import DriveCommand, Plant, ServoState
 from busemu.tables import Robot
 from busemu.timing import load_profile
 from hal.bus_client import BusClient, open_port
+from hal.bus_errors import PortError
 
 from .testing import BusFaults, VirtualServoBus
+
+#: ``busemu``, which ends when the process that started it does, however that ends.
+SERVE = """
+import ctypes, signal
+ctypes.CDLL(None).prctl(1, signal.SIGINT)  # PR_SET_PDEATHSIG; source: prctl(2)
+from busemu.cli import main
+main()
+"""
 
 
 class MeteredPlant:
@@ -77,10 +85,11 @@ class VirtualRig(Rig):
 
     def open(self) -> BusClient:
         """Open the port."""
-        self._bus.port.is_using = False
-        with contextlib.suppress(OSError):
-            self._bus.port.openPort()
         robot = self._bus.robot
+        try:
+            self._bus.port.openPort()
+        except OSError as error:
+            raise PortError(str(error)) from None
         return BusClient(self._bus.port, robot.tables, robot.protocol, self.clock)
 
     def run(self, until_s: float) -> None:
@@ -111,7 +120,7 @@ class WallRig(Rig):
         self.faults = BusFaults(lambda **asked: ask(str(self._link), asked))
         self._port: object = None
         self._said: IO[bytes] = (folder / "server.txt").open("w+b")
-        command = [sys.executable, "-m", "busemu", "serve", "--robot", robot.name]
+        command = [sys.executable, "-c", SERVE, "serve", "--robot", robot.name]
         trace = ["--trace", str(folder / "soak.trace"), "--trace-size", "8"]
         self.server = subprocess.Popen(
             [*command, "--plant", plant, "--link", str(self._link), *trace],

@@ -37,7 +37,7 @@ REQUEST_S = 1.0
 #: Longest request [bytes], and most requests at once.
 MOST_BYTES, MOST_REQUESTS = 65536, 8
 #: A server that does not answer in this time is too busy [s].
-ANSWER_S = 5.0
+ANSWER_S = 30.0
 #: Longest name of a socket [bytes]. Source: unix(7).
 NAME_BYTES = 107
 
@@ -189,7 +189,9 @@ def ask(port: str | None, request: dict[str, Any]) -> dict[str, Any]:
             with server.makefile("rb") as answer:
                 line = answer.readline()
         except OSError as error:
-            raise ControlError(f"{port}: the server does not answer: {error}") from None
+            raise ControlError(
+                f"{port}: the server does not answer ({error}): is the machine too busy for it?"
+            ) from None
     if not line:
         raise ControlError(f"{port}: the server hung up; it answers the user that started it")
     answered: dict[str, Any] = json.loads(line)
