@@ -143,7 +143,8 @@ class Track:
         index = np.minimum(at.astype(np.intp), len(self.angle_rad) - 2)
         part = at - index
         column = self.angle_rad[:, joint]
-        return column[index] * (1.0 - part) + column[index + 1] * part
+        found: Floats = column[index] * (1.0 - part) + column[index + 1] * part
+        return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Studies: questions that are put to the whole bench at once, and answered with numbers."""

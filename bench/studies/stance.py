@@ -1,0 +1,181 @@
+"""Rubber tips, soft joints, both, or neither? Eight walks with stance errors, diagnosed.
+
+The thesis's Marvin had systematic errors of femur and tibia while its feet stood, "most likely"
+from compliance or from rubber tips, and left it open. Here eight robots on another engine have
+either, both or none of them, under two loads, beside all that is never as believed. The diagnosis
+sees recordings of the joints only; then again with the height of the trunk beside them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_model import RobotModel
+from bench.diagnosis.robot_replay import course
+from bench.diagnosis.robot_search import RobotFindings, RobotSearch
+from bench.figures.style import save
+from bench.recording import Recording, read, write
+from busemu.tables import load_robot
+from sim.model import read_model
+
+from .stance_figures import joints_figure, summary_figure
+from .stance_runs import SCENE, SEEDS, Cause, Run, draw_runs, key_of, record
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+FORMAT = "busemu-stance-study/1"
+ROBOT = "marvin"
+#: what could be the matter with a walk, besides tips and joints
+RIVALS = (
+    "ground_compliance@all",
+    "payload@all",
+    "foot_slip@all",
+    "gain_error@all",
+    "supply_voltage@all",
+    "backlash@femur",
+    "backlash@tibia",
+    "load_friction@all",
+    "stribeck_friction@all",
+    "leg_geometry.tibia@all",
+    "dead_zone@all",
+)
+TIPS = ("foot_compliance@all",)
+JOINTS = ("joint_compliance@all", "joint_compliance@femur", "joint_compliance@tibia")
+CONTACT_CLASS = ("foot_compliance", "ground_compliance")
+JOINT_CLASS = ("joint_compliance", "backlash")
+CHANNELS = {
+    "joints": (RobotKind.JOINTS,),
+    "joints and height": (RobotKind.JOINTS, RobotKind.HEIGHT),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What was found in one run with some channels."""
+
+    run: Run
+    channels: str
+    findings: RobotFindings
+
+    @property
+    def cause(self) -> Cause:
+        """The answer: a soft ground counts as tips, and play as soft joints: one class each."""
+        kinds = {name.partition("@")[0] for name in self.findings.names}
+        return Cause.of(
+            tips=not kinds.isdisjoint(CONTACT_CLASS), joints=not kinds.isdisjoint(JOINT_CLASS)
+        )
+
+    def document(self, model: RobotModel) -> dict[str, Any]:
+        """As JSON can hold it."""
+        found = self.findings
+        settings = model.settings(found.fit.hypothesis, found.fit.z[len(model.nuisances) :])
+        return {
+            "run": self.run.name,
+            "channels": self.channels,
+            "answer": self.cause.value,
+            "truth": self.run.cause.value,
+            "effects": [
+                {
+                    "name": name,
+                    "value": model.placed[name].knob.value(z),
+                    "unit": model.placed[name].parameter.unit,
+                }
+                for name, z in settings
+            ],
+            "gains": [
+                {"name": g.name, "nats": g.nats, "inflation": g.inflation, "held_out": g.held_out}
+                for step in found.tried
+                for g in step
+            ],
+            "alike": {name: dict(pairs) for name, pairs in found.alike.items()},
+            "rms_mrad": [1e3 * x for x in found.rms_rad],
+        }
+
+
+def recordings_of(runs: Sequence[Run], folder: Path, say: Progress) -> list[Recording]:
+    """The runs' recordings, from the folder where they are there already."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = []
+    for run in runs:
+        paths = [folder / f"{run.name}-{seed}.parquet" for seed in SEEDS]
+        if not all(path.exists() for path in paths):
+            say(f"walking: {run.name}")
+            for path, recording in zip(paths, record(run), strict=True):
+                write(recording, path)
+        found += [read(path) for path in paths]
+    return found
+
+
+def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
+    """Run the study into a folder: recordings, key, result and figures. Returns the result."""
+    out.mkdir(parents=True, exist_ok=True)
+    runs = draw_runs(seed)
+    key, digest = key_of(runs, seed)
+    _write(out / "key.sha256", f"{digest}  key.json\n")
+    robot = load_robot(ROBOT)
+    recordings = recordings_of(runs, out / "recordings", say)
+    courses = [course(recording, robot) for recording in recordings]
+    with RobotModel(read_model(robot), robot, courses, say) as model:
+        answers = []
+        for number, run in enumerate(runs):
+            which = [len(SEEDS) * number + k for k in range(len(SEEDS))]
+            for channels, kinds in CHANNELS.items():
+                say(f"diagnosing {run.name} from {channels}")
+                search = RobotSearch(model, which, kinds)
+                answers.append(Answer(run, channels, search.run((*TIPS, *JOINTS, *RIVALS))))
+                if channels == "joints":
+                    _draw(model, answers[-1], which[0], out)
+        result = {
+            "format": FORMAT,
+            "seed": seed,
+            "scene": SCENE,
+            "key_sha256": digest,
+            "score": {c: _score([a for a in answers if a.channels == c]) for c in CHANNELS},
+            "answers": [answer.document(model) for answer in answers],
+            "replays": model.replays.count,
+        }
+        save(summary_figure(model, answers), out / "summary.png")
+    _write(out / "key.json", key)
+    _write(out / "study.json", json.dumps(result, indent=1) + "\n")
+    return result
+
+
+def _score(answers: Sequence[Answer]) -> dict[str, Any]:
+    right = [a.cause is a.run.cause for a in answers]
+    return {
+        "right": sum(right),
+        "of": len(right),
+        "tips_right": sum(a.cause.tips == a.run.cause.tips for a in answers),
+        "joints_right": sum(a.cause.joints == a.run.cause.joints for a in answers),
+    }
+
+
+def _draw(model: RobotModel, answer: Answer, r: int, out: Path) -> None:
+    found = answer.findings
+    count = len(model.nuisances)
+    after = model.settings(found.fit.hypothesis, found.fit.z[count:])
+    for name, settings, z in (
+        ("before", (), None),
+        ("after", after, found.fit.z[:count]),
+    ):
+        rows = model.modelled(settings, r)[RobotKind.JOINTS]
+        if z is not None:
+            rows = rows + model.traces[model.motion[r]][RobotKind.JOINTS] @ z
+        figure = joints_figure(model, r, rows, f"{answer.run.name}, model {name}")
+        save(figure, out / f"{answer.run.name}-{name}.png")
+
+
+def _write(path: Path, text: str) -> None:
+    part = path.with_name(f".{path.name}.part")
+    part.write_text(text, "utf-8")
+    os.replace(part, path)
