@@ -22,6 +22,7 @@ from .robot_replay import Course, Track
 Floats = NDArray[np.float64]
 
 APART_S = 1000.0  #: between the joints' times in a block, so that noise remembers none of another
+STILL_S = 0.1  #: at the beginning of a recording in which a robot has not moved yet; assumed
 STAND_UP_S = 1.0  #: left out of windows of time at the beginning; assumed
 ALIKE_RAD = 0.01  #: commanded profiles nearer than this are one motion; two counts of a sensor
 
@@ -30,7 +31,7 @@ class RobotKind(enum.Enum):
     """Kinds of a whole robot's residuals."""
 
     JOINTS = "joints"
-    HEIGHT = "height"  #: of the trunk, about its mean, where an observer recorded it
+    HEIGHT = "height"  #: of the trunk over where it began, where an observer recorded it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,7 +102,7 @@ class Features:
             goal_rad=rows(goals),
             stance=rows(lifted) < 0.5,
             height_bins=height_bins,
-            height_m=_centred(height_bins.mean(seen[1]))
+            height_m=height_bins.mean(_risen(*seen))
             if seen is not None and height_bins is not None
             else np.empty(0),
         )
@@ -120,7 +121,7 @@ class Features:
         if self.height_bins is None or self.course.height is None:
             return angles, np.empty(0)
         heights = np.interp(self.course.height[0], track.height_t_s, track.height_m)
-        return angles, _centred(self.height_bins.mean(heights))
+        return angles, self.height_bins.mean(_risen(self.course.height[0], heights))
 
     def speeds(self, track: Track) -> tuple[Floats, Floats]:
         """How means move with a later instant [rad/s], and with a later turn (rows,)."""
@@ -160,10 +161,10 @@ def _weights(course: Course) -> tuple[object, ...]:
     return tuple(course.condition.get(word) for word in words)
 
 
-def _centred(values: Floats) -> Floats:
-    """About the mean, where they are known: nobody knows how high the marker sits."""
-    centred: Floats = values - np.nanmean(values)
-    return centred
+def _risen(t_s: Floats, height_m: Floats) -> Floats:
+    """Heights over that of the beginning: how high a marker sits on a robot is not known."""
+    risen: Floats = height_m - np.mean(height_m[t_s <= t_s[0] + STILL_S])
+    return risen
 
 
 def _leg(robot: Robot, joint: str) -> int:
