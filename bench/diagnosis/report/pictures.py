@@ -21,7 +21,9 @@ WIDTH_IN = 8.6
 POINTS = 1600  #: of a line; a page is wide enough for no more
 CLOSE_S = 0.6  #: how much of a motion is shown closely
 SPANS = 40  #: of time, in the picture of the misfit over time
+MOST_JOINTS = 6  #: in the picture of parts of the motion: those missed by most
 MOST_RECORDINGS = 24  #: in the picture of recordings: the worst
+ALL = "all of it"
 MARK = 0.35  #: how far a bar stands from the middle of its row
 
 
@@ -65,8 +67,10 @@ def motion_picture(trace: Trace, floor_rad: float) -> Figure:
 @styled
 def regime_picture(traces: Sequence[Trace], floor_rad: float) -> Figure:
     """Draw the misfit before and after by part of the motion, a panel a joint."""
-    joints = list(dict.fromkeys(trace.joint for trace in traces))
-    rows = {joint: _by_part([t for t in traces if t.joint == joint]) for joint in joints}
+    every_joint = dict.fromkeys(trace.joint for trace in traces)
+    parts_of = {joint: _by_part([t for t in traces if t.joint == joint]) for joint in every_joint}
+    joints = sorted(parts_of, key=lambda joint: -parts_of[joint][ALL][0])[:MOST_JOINTS]
+    rows = {joint: parts_of[joint] for joint in joints}
     height = 0.9 + sum(0.45 + 0.42 * len(parts) for parts in rows.values())
     figure, every = panels(len(joints), WIDTH_IN, height, share_x=True)
     for axes, (joint, parts) in zip(every, rows.items(), strict=True):
@@ -159,7 +163,7 @@ def _by_part(traces: Sequence[Trace]) -> dict[str, tuple[float, float, float]]:
         if mask.any():
             found[part] = (rms(before[mask]), rms(after[mask]), float(mask.mean()))
     ordered = sorted(found.items(), key=lambda item: -item[1][0])
-    return {"all of it": (rms(before), rms(after), 1.0), **dict(ordered)}
+    return {ALL: (rms(before), rms(after), 1.0), **dict(ordered)}
 
 
 def _floor(axes: Axes, floor_rad: float, *, both: bool = True) -> None:

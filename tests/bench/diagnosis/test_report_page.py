@@ -12,7 +12,7 @@ from rich.console import Console
 
 from bench.diagnosis.report import Origin, Trace, report_page, write_report
 from bench.diagnosis.report import page as page_module
-from bench.diagnosis.report.pictures import CLOSE_S, worst_stretch
+from bench.diagnosis.report.pictures import CLOSE_S, MOST_JOINTS, regime_picture, worst_stretch
 from bench.diagnosis.report.telling import channel_finding
 from bench.diagnosis.report.traces import typical, worst
 from bench.diagnosis.report.words import meaning
@@ -227,6 +227,13 @@ def test_joints_have_panels_of_their_own():
     regimes = two[two.index("regimes-figure") : two.index("By recording")]
     assert ">hip<" in regimes
     assert ">knee<" in regimes
+
+
+def test_of_many_joints_those_missed_by_most_are_shown():
+    traces = [trace(joint=f"j{i}", size=0.01 * (i + 1)) for i in range(MOST_JOINTS + 2)]
+    figure = regime_picture(traces, 0.001)
+    shown = [axes.get_title(loc="left") for axes in figure.axes]
+    assert shown == [f"j{i}" for i in reversed(range(2, MOST_JOINTS + 2))]
 
 
 def test_a_name_that_does_not_hold_is_not_recommended():
