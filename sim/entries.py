@@ -68,6 +68,16 @@ class Section:
             return default
         return self._bounded(key, self._value(key), unit, low, high)
 
+    def deviation(self, key: str) -> float | None:
+        """How sure the file is of a number: its relative standard deviation, if it tells.
+
+        Raises :class:`PhysicsError` for one that is not within 0.001 to 10.
+        """
+        entry = self.table.get(key)
+        if not isinstance(entry, Mapping) or "deviation" not in entry:
+            return None
+        return self._bounded(f"{key} deviation", entry["deviation"], "(ratio)", 0.001, 10.0)
+
     def numbers(
         self, key: str, unit: str, count: int, low: float, high: float
     ) -> tuple[float, ...]:
@@ -108,7 +118,7 @@ class Section:
         entry = self.table.get(key)
         if entry is None:
             raise self.fail(f"needs {key} = {{ value = ..., source = ... }}")
-        if not isinstance(entry, Mapping) or set(entry) != {"value", "source"}:
+        if not isinstance(entry, Mapping) or set(entry) - {"deviation"} != {"value", "source"}:
             raise self.fail(f"{key} must be {{ value = ..., source = ... }}, not {entry!r}")
         if not isinstance(entry["source"], str) or not entry["source"].strip():
             raise self.fail(f"{key} needs a source: a document, or assumed")

@@ -24,6 +24,7 @@ PLACES = {
     "sampling": ("read_skew", "skew_s"),
     "supply": ("supply_voltage", "scale"),
     "gain": ("gain_error", "scale"),
+    "rotor_level": ("rotor_inertia", "scale"),
 }
 LEVELS = {
     "coulomb_level": ("coulomb_friction", "more_nm", "coulomb_nm"),

@@ -23,7 +23,7 @@ from .regimes import localise
 from .remainder import Remainder, remainder
 from .result import Cause, Diagnosis, Estimate, FitSummary
 from .rivals import rivals
-from .search import RELIEF, Progress, covariances, drop, grow, held_out, relief, score_outside
+from .search import HARM, Progress, covariances, drop, grow, held_out, inside, score_outside
 
 Floats = NDArray[np.float64]
 
@@ -82,8 +82,7 @@ def diagnose_joint(
         if whole:
             outside = held_out(score_outside(model, without), whole, floors)
         assert outside is not None
-        judged_relief = relief(judge, without, after, floors)
-        if judged_relief < -RELIEF:
+        if inside(judge, without, after, floors).harm > HARM:
             rejected.append(
                 {
                     "effect": gain.effect,

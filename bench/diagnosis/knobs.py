@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 from sim.drive import kernel
 from sim.effects import Effect, Parameter, Scope, catalogue
+from sim.entries import Section
 from sim.robot import PhysicalRobot
 from sim.rollout import Candidate
 
@@ -163,6 +164,9 @@ NUISANCES = (
     ),
     Nuisance("coulomb_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.COULOMB)),
     Nuisance("viscous_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.VISCOUS)),
+    Nuisance(
+        "rotor_level", "(ratio)", 0.02, "rotors of one make; assumed", _scaled(kernel.ROTOR_INERTIA)
+    ),
     Nuisance("link", "(ratio)", 0.04, "mass +-5 %, centre of mass +-3 mm", _link),
     Nuisance("payload", "(ratio)", 0.03, "mass +-5 %", _payload),
     Nuisance("load_inertia", "(ratio)", 0.04, "centre +-3 mm, extent of weights", _inertia),
@@ -189,6 +193,27 @@ NUISANCES = (
 )
 
 
+#: entries of a robot file's [drive] that may say how sure they are, and whose nuisance they widen
+DOUBTS = {
+    "stall_torque_nm": "torque_constant",
+    "torque_constant_nm_a": "torque_constant",
+    "no_load_velocity_rad_s": "back_emf",
+    "back_emf_v_s_rad": "back_emf",
+    "coulomb_nm": "coulomb_level",
+    "no_load_current_a": "viscous_level",
+    "viscous_nm_s_rad": "viscous_level",
+    "motor_inertia_kg_m2": "rotor_level",
+}
+
+
+def nuisances(drive: Section) -> tuple[Nuisance, ...]:
+    """The nuisances of a servo, as wide as its section of a robot file says, else as usual."""
+    told = {
+        DOUBTS[key]: deviation for key in DOUBTS if (deviation := drive.deviation(key)) is not None
+    }
+    return tuple(replace(n, deviation=told.get(n.name, n.deviation)) for n in NUISANCES)
+
+
 #: effects that are a nuisance without its prior, the nuisance, and the effect's only parameter
 TWINS = {
     "gain_error": "gain",
@@ -197,6 +222,7 @@ TWINS = {
     "torque_constant": "torque_constant",
     "link_mass": "link",
     "read_skew": "sampling",
+    "rotor_inertia": "rotor_level",
 }
 
 

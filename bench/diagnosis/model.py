@@ -22,11 +22,12 @@ from busemu.tables import Robot
 from sim.condition import under
 from sim.drive import kernel
 from sim.effects import catalogue
+from sim.entries import Section
 from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
-from .knobs import NUISANCES, Knob, Nuisance, with_effects
+from .knobs import Knob, nuisances, with_effects
 from .noise import Block
 from .observed import Channel, Observed
 
@@ -85,11 +86,8 @@ class JointModel:
         self.mount = robot.by_joint[joint]
         self.index = next(i for i, j in enumerate(base.joints) if j.name == joint)
         self.recorded_supply = tuple(Channel.VOLTAGE in o.channels for o in observed)
-        self.nuisances: tuple[Nuisance, ...] = tuple(
-            n for n in NUISANCES if n.name != "supply" or not all(self.recorded_supply)
-        )
-        if any(self.recorded_supply):
-            self.nuisances = tuple(NUISANCES)
+        drives = Section(robot.path, "", robot.document).section("drive")
+        self.nuisances = nuisances(drives.section(self.mount.model))
         self._batch = Batch([o.replay for o in observed])
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]

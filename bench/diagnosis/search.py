@@ -33,6 +33,7 @@ PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
 STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
+HARM = 0.3  #: of the squared noise floor that it may add to another kind, or where it is judged
 CLOSE = 6.0  #: nats (deflated) by which the second best may be behind, to be asked at all
 NUMBER_NATS = 1.5  #: gain [nats, deflated] that every number of an effect must be worth
 RELIEF = (
@@ -194,6 +195,7 @@ class Outside:
 
     nats: float
     relief: float  #: the most any kind's mean square falls, in squares of its noise floor
+    harm: float  #: the most any kind's mean square rises
 
 
 def score_outside(model: JointModel, found: Fit) -> list[Score]:
@@ -208,11 +210,11 @@ def score_outside(model: JointModel, found: Fit) -> list[Score]:
     return scores
 
 
-def relief(model: JointModel, without: Fit, with_it: Fit, floors: Mapping[Kind, float]) -> float:
-    """What an effect takes off the recordings it is fitted to, as in :class:`Outside`."""
+def inside(model: JointModel, without: Fit, with_it: Fit, floors: Mapping[Kind, float]) -> Outside:
+    """The same comparison on all recordings of a model, with the fits as they are."""
     everything = range(len(model.observed))
     before, after = (score(model, found, everything) for found in (without, with_it))
-    return held_out([before], [after], floors).relief
+    return held_out([before], [after], floors)
 
 
 def held_out(
@@ -220,14 +222,14 @@ def held_out(
 ) -> Outside:
     """Compare two hypotheses on groups left out."""
     nats = sum(s.nats for s in with_it) - sum(s.nats for s in without)
-    relief = -np.inf
+    falls = [0.0]
     for kind, floor in floors.items():
         count = sum(s.count.get(kind, 0) for s in without)
         if count:
             fall = sum(s.squares.get(kind, 0.0) for s in without)
             fall -= sum(s.squares.get(kind, 0.0) for s in with_it)
-            relief = max(relief, fall / count / floor**2)
-    return Outside(float(nats), float(relief))
+            falls.append(fall / count / floor**2)
+    return Outside(float(nats), float(max(falls)), float(-min(falls)))
 
 
 def grow(
@@ -262,7 +264,7 @@ def grow(
         for gain in gains[:2]:
             if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
                 break
-            if relief(model, now, gain.fit, floors) < RELIEF:
+            if inside(model, now, gain.fit, floors).relief < RELIEF:
                 continue
             say(f"step {step + 1}: {gain.effect} on recordings left out")
             plain = plain or score_outside(model, now)

@@ -49,7 +49,7 @@ def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -
         pairs=[pair for cause in diagnosis.causes for pair in _pairs(diagnosis, cause)],
         cautions=telling.cautions(diagnosis),
         states=_states(diagnosis),
-        advice=[line.format(model=origin.model) for line in telling.advice(diagnosis)],
+        advice=[line.replace("{model}", origin.model) for line in telling.advice(diagnosis)],
         needed=NEEDED,
         held_out_needed=HELD_OUT,
     )
