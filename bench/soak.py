@@ -41,8 +41,8 @@ SHARE = 0.005
 SETTLE_S = 1.0
 #: Memory is looked at after these shares of the run; by the first, all is loaded.
 MARKS = (0.2, 0.4, 0.6, 0.8, 1.0)
-#: A servo that answers none of so many pings is silent: on a busy machine one may be late.
-TRIES = 4
+#: A servo that answers no ping for so long is silent [s]: on a busy machine it may be late.
+PATIENCE_S = 20.0
 PACKET_FAULTS = ("drop", "delay", "corrupt", "truncate", "split", "duplicate", "noise", "latency")
 TROUBLES: tuple[Mapping[str, Any], ...] = (
     {"kind": "dead", "servo": 4, "for_s": 2.0},
@@ -184,14 +184,17 @@ def _clear(
     rig.run(rig.clock.now_s() + SETTLE_S)
     silent = found.silent
     for servo_id in ids:
-        for turn in range(TRIES):
+        until_s = rig.clock.now_s() + PATIENCE_S
+        while True:
             try:
                 client.ping(servo_id)
                 break
             except PortLostError:
                 client = _anew(rig, client, found)
             except BusError:
-                silent += turn == TRIES - 1
+                if rig.clock.now_s() > until_s:
+                    silent += 1
+                    break
     return client, silent
 
 

@@ -17,6 +17,7 @@ def _often(monkeypatch: pytest.MonkeyPatch) -> None:
     """Everything that befalls the bus within a few seconds."""
     monkeypatch.setattr(soaking, "TROUBLE_EVERY_S", 1.0)
     monkeypatch.setattr(soaking, "CLEAR_EVERY_S", 4.0)
+    monkeypatch.setattr(soaking, "PATIENCE_S", 2.0)
 
 
 def run(seconds: float, rig: VirtualRig | None = None):
