@@ -1,0 +1,55 @@
+"""Keys and diagnoses made by hand."""
+
+from __future__ import annotations
+
+from bench.proof.judging import judge
+
+TOLD = {"seconds": 12.0, "failure": ""}
+
+
+def effect(name, ratio=5.0, **parameters):
+    """An effect as a key has it; parameters as (value, off)."""
+    told = {k: {"value": v, "unit": "", "off": off} for k, (v, off) in parameters.items()}
+    return {"effect": name, "ratio": ratio, "parameters": told}
+
+
+def key(kind="single", *effects, ordinary=(), style="fast", rig="xl330-pendulum", **more):
+    """A key; its oracle is 1e-6 rad^2 on the recordings a and b."""
+    return {
+        "kind": kind,
+        "concealment": "masked" if ordinary else "plain",
+        "rig": rig,
+        "programme": "slow",
+        "style": style,
+        "effects": list(effects),
+        "ordinary": list(ordinary),
+        "noise_floor_rad": 1e-3,
+        "oracle": {name: {"group": "held", "mse_rad2": 1e-6} for name in ("a", "b")},
+        **more,
+    }
+
+
+def cause(name, probability=0.99, rivals=(), **parameters):
+    """A cause as a diagnosis has it; parameters as (value, low, high), rivals as (name, p)."""
+    return {
+        "effect": name,
+        "probability": probability,
+        "indistinguishable_from": [{"effect": n, "probability": p} for n, p in rivals],
+        "parameters": {
+            k: {"value": v, "ci95": [low, high]} for k, (v, low, high) in parameters.items()
+        },
+    }
+
+
+def diagnosis(*causes, verdict=None, before=0.01, after=0.002):
+    """A diagnosis that judged on the recordings a and b."""
+    return {
+        "verdict": verdict or ("explained" if causes else "consistent"),
+        "causes": list(causes),
+        "fit": {"before": before, "after": after, "held_out": True, "recordings": ["a", "b"]},
+    }
+
+
+def judged(a_key, a_diagnosis, name="case-0001", **told):
+    """A case of both."""
+    return judge(name, a_key, a_diagnosis, TOLD | told)
