@@ -13,6 +13,7 @@ from busemu.tables import Robot
 from sim.effects import Effect
 from sim.robot import PhysicalRobot
 
+from .contradiction import supply_contradiction
 from .fit import EDGE, Fit, block_rms, bounds, estimate_noise, fit
 from .floor import ENGINE_RAD, noise_floor, tolerance
 from .knobs import joint_effects
@@ -70,7 +71,8 @@ def diagnose_joint(
     }
     after, taken, confirmed = grow(model, before, dict(effects), say, floors)
     whole = score_outside(model, after) if len(taken) > 1 else []
-    causes, rejected, nexts = [], [], []
+    causes, nexts = [], []
+    rejected: list[Mapping[str, Any]] = []
     for gain in taken:
         probability, close, fits, without = rivals(
             model, after, gain.effect, effects, confirmed, say
@@ -101,10 +103,11 @@ def diagnose_joint(
                 indistinguishable_from=tuple(close),
             )
         )
-    names = {str(r["effect"]) for r in rejected}
+    names = {str(r["effect"]) for r in rejected}  # named, and not borne out
     causes = [c for c in causes if c.effect not in names]
     for name in sorted(names):
         after, *_ = drop(model, after, name)
+    rejected += supply_contradiction(model, after, say)
     say("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]
     rest = remainder(judge, blocks, seed)

@@ -41,7 +41,7 @@ def show(diagnosis: Diagnosis, console: Console, written: Sequence[Path], model:
     _rows(grid, "rejected", [": ".join(telling.rejection(r)) for r in diagnosis.rejected])
     _rows(grid, "left", [telling.remains(u) for u in diagnosis.unexplained])
     _rows(grid, "limits", diagnosis.limits)
-    _rows(grid, "next", [line.replace("{model}", model) for line in telling.advice(diagnosis)])
+    _rows(grid, "next", [line.replace("{model}", str(model)) for line in telling.advice(diagnosis)])
     _rows(grid, "files", [str(path) for path in written])
     console.print(grid, highlight=False)
 
