@@ -19,7 +19,7 @@ from sim.effects import effect
 from .fit import Fit, fit
 from .knobs import effect_knobs
 from .model import JointModel, Kind
-from .observed import Channel, Observed
+from .observed import Channel, Observed, Samples
 from .search import NEEDED, Progress, covariances, inflation
 
 APART = 3.0  #: joint deviations between two values of one resistance that contradict each other
@@ -62,7 +62,8 @@ def _without_voltage(one: Observed) -> Observed:
     """A recording as if the voltage register had not been read."""
     events = one.replay.events
     replay = replace(one.replay, events=events[events[:, 1] < kernel.SUPPLY_EVENT])
-    channels = {c: s for c, s in one.channels.items() if c is not Channel.VOLTAGE}
+    channels: dict[Channel, Samples] = dict(one.channels)
+    del channels[Channel.VOLTAGE]
     return replace(one, replay=replay, channels=channels)
 
 
