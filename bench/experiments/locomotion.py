@@ -194,14 +194,14 @@ def _joint(
         goal_rad=found.position_rad + found.error_rad,
         position_rad=found.position_rad,
         torque_nm=sensor.torque_nm(
-            found.error_rad, found.voltage_v, _velocity(found.t_s, found.position_rad)
+            found.error_rad, found.voltage_v, velocity_rad_s(found.t_s, found.position_rad)
         ),
         static_nm=sensor.torque_nm(found.error_rad, found.voltage_v),
         true_nm=found.true_nm,
     )
 
 
-def _velocity(t_s: Floats, position_rad: Floats) -> Floats:
+def velocity_rad_s(t_s: Floats, position_rad: Floats) -> Floats:
     """Velocity [rad/s] from positions a few samples apart; shape (samples,)."""
     index = np.arange(len(t_s))
     before, after = np.maximum(index - REACH, 0), np.minimum(index + REACH, len(t_s) - 1)

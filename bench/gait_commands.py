@@ -1,0 +1,141 @@
+"""The command ``busemu gait-search``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from busemu.cli import end_by_interrupt, fail
+from busemu.tables import RobotError, TableError, load_robot, robots
+from busemu.timing import ProfileError
+
+if TYPE_CHECKING:
+    from .gaits.outcome import Outcome
+    from .gaits.search import Plan, Tell
+
+
+def gait_search(
+    robot: Annotated[
+        str,
+        typer.Option(help=f"One of {', '.join(robots())}, or the path of a robot file (.toml)."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the walks and the result.")],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Search on this better file of the robot, such as model.toml of busemu diagnose.",
+        ),
+    ] = None,
+    budget: Annotated[
+        int, typer.Option(metavar="WALKS", help="So many walks at most, for each method.")
+    ] = 100,
+    seconds: Annotated[float, typer.Option(help="Length of a walk, after standing up.")] = 10.0,
+    processes: Annotated[int, typer.Option(help="So many walks at once.")] = 2,
+    seed: Annotated[
+        int, typer.Option(help="Start state of the pattern generators, and draws of the optimiser.")
+    ] = 0,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            metavar="cma|grid",
+            help="cma: CMA-ES over strides, period, lift, duty factor and posture; grid: the "
+            "thesis's grid over v_left and v_right. Default: both, to compare them.",
+        ),
+    ] = None,
+) -> None:
+    """Search the fastest walk that keeps every joint's torque below 0.75 x stall.
+
+    No fall and no self-collision either. The robot's own program walks over the emulated bus in
+    virtual time; torque is recovered from position errors, as on a real robot. A first try takes a
+    few minutes:
+
+        busemu gait-search --robot marvin --out marvin-gaits --budget 20 --seconds 5
+
+    The thesis's own size, 100 walks of 10 s a method, takes ten times as long. Every finished walk
+    is a row of walks.csv; Ctrl-C keeps them, and the same command goes on from there, also with a
+    larger budget. At the end the folder has result.json, landscape.png and best.toml, a robot file
+    for busemu walk.
+    """
+    from sim.entries import PhysicsError
+
+    from .gaits.candidate import GaitSearchError
+    from .gaits.ledger import Ledger
+    from .gaits.methods import Method
+    from .gaits.report import summary, walk_command, write_report
+    from .gaits.search import GaitSearch, Plan
+    from .gaits.walking import Walker, shortest_s
+    from .gaits.walks import Walks
+
+    if budget < 1 or processes < 1:
+        fail(f"--budget and --processes must be at least 1, not {min(budget, processes)}")
+    if seed < 0:
+        fail(f"--seed must not be negative, not {seed}")
+    if method is not None and method not in [m.value for m in Method]:
+        fail(f"no method named {method!r}: use cma or grid, or leave --method away for both")
+    methods = tuple(Method) if method is None else (Method(method),)
+    plan = Plan(budget, seconds, seed, methods)
+    ledger: Ledger | None = None
+    end_by_interrupt()
+    try:
+        described = load_robot(robot)
+        if model is not None:
+            better = load_robot(model)
+            if better.name != described.name:
+                fail(f"--model {model}: is of {better.name}, not of {described.name}")
+            described = better
+        least_s = shortest_s(described)
+        if not seconds >= least_s:
+            fail(f"--seconds must be at least {least_s:g}, two periods, not {seconds:g}")
+        ledger = Ledger(out, described)
+        typer.echo(
+            f"{described.name}: {' and '.join(m.value for m in methods)}, at most {budget} walks "
+            f"of {seconds:g} s each, {processes} at once"
+            + (f"; {len(ledger)} walks are there already" if len(ledger) else "")
+        )
+        with Walks(Walker(described), processes) as walks, _bar(plan) as tell:
+            result = GaitSearch(described, plan, ledger, walks, tell).run()
+        written = write_report(result, out)
+    except (RobotError, TableError, ProfileError, PhysicsError, GaitSearchError) as error:
+        fail(error)
+    except OSError as error:
+        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
+    except KeyboardInterrupt:
+        kept = f"{len(ledger)} walks are kept in {out}" if ledger is not None else "nothing was run"
+        typer.echo(f"interrupted; {kept}: the same command goes on")
+        raise typer.Exit(130) from None
+    typer.echo(f"\n{summary(result)}\n\nlook at   {', '.join(map(str, written))}")
+    command = walk_command(result, out)
+    if command is not None:
+        typer.echo(f"try next  {command} --virtual")
+
+
+@contextmanager
+def _bar(plan: Plan) -> Iterator[Tell | None]:
+    """Yield what is told of every walk and shows it; nothing where no terminal is."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as TimeLeft
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield None
+        return
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeLeft()
+    fastest = 0.0
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as bar:
+        task = bar.add_task("first walks", total=plan.walks)
+
+        def tell(outcome: Outcome, new: bool) -> None:
+            nonlocal fastest
+            fastest = max(fastest, outcome.speed_m_s if outcome.allowed else 0.0)
+            words = f"fastest allowed {fastest * 1e3:.0f} mm/s"
+            bar.update(task, advance=1, description=words, refresh=new)
+
+        bar.refresh()
+        yield tell

@@ -1,0 +1,156 @@
+"""The landscape of a search: speed over ``v_left`` and ``v_right``, and what forbids the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from ..figures.style import GOAL, INK, MEASURED, MODELLED, STOP, styled
+from .candidate import STRIDES
+from .methods import Method
+from .outcome import Outcome, Reason, best
+
+if TYPE_CHECKING:
+    from .search import Found, Result
+
+#: Colour and mark of what forbids a walk; the gravest of its reasons shows.
+REASONS = {
+    Reason.FALL: ("#5d4a7a", "v"),
+    Reason.SELF_COLLISION: (STOP, "X"),
+    Reason.TORQUE: (MODELLED, "^"),
+}
+COLOURS = {Method.CMA: MEASURED, Method.GRID: GOAL}
+TITLES = {
+    Method.GRID: "Grid: strides only",
+    Method.CMA: "CMA-ES: strides, period, lift, duty, posture",
+}
+
+
+@styled
+def landscape(result: Result) -> Figure:
+    """A panel a method, and how the fastest allowed walk came about."""
+    every = [outcome for found in result.found for outcome in found.outcomes]
+    fastest = max((o.speed_m_s for o in every if o.allowed), default=0.0) * 1e3
+    scale = ScalarMappable(Normalize(0.0, max(fastest, 1.0)), "viridis")
+    figure = Figure(figsize=(4.6 * (len(result.found) + 1) + 0.6, 5.0), layout="constrained")
+    panels = figure.subplots(1, len(result.found) + 1, squeeze=False)[0]
+    figure.suptitle(
+        f"{result.robot.name}: walks of {result.plan.seconds:g} s, "
+        f"at most {result.plan.budget} a method",
+        x=0.01,
+        ha="left",
+        fontsize=11.0,
+        fontweight="bold",
+    )
+    for axes, found in zip(panels, result.found, strict=False):
+        _strides(axes, found, result, scale)
+    figure.colorbar(scale, ax=panels[len(result.found) - 1], label="speed, if allowed [mm/s]")
+    _course(panels[-1], result)
+    _legend(figure, every)
+    return figure
+
+
+def _strides(axes: Axes, found: Found, result: Result, scale: ScalarMappable) -> None:
+    axes.set_title(TITLES[found.method])
+    if found.method is Method.GRID:
+        _cells(axes, found.outcomes, scale)
+    else:
+        _points(axes, found.outcomes, scale)
+        axes.set_xlim(0.0, STRIDES[1] + 0.5)
+        axes.set_ylim(0.0, STRIDES[1] + 0.5)
+    for gain in (1.0, 4.0, 6.0):
+        axes.plot(gain, gain, "+", color=INK, markersize=8, zorder=4)
+        axes.annotate(f"{gain:g} x", (gain, gain), (5, -11), textcoords="offset points", fontsize=8)
+    chosen = found.checks[0] if found.checks else best(list(found.outcomes))
+    if chosen is not None:
+        at = chosen.job.candidate
+        axes.plot(at.v_left, at.v_right, "o", color=INK, fillstyle="none", markersize=13, zorder=5)
+    axes.set_aspect("equal")
+    axes.set_xlabel("v_left")
+    axes.set_ylabel("v_right")
+
+
+def _cells(axes: Axes, outcomes: Iterable[Outcome], scale: ScalarMappable) -> None:
+    """Walks as the cells of the grid they lie on; what the legs cannot reach stays empty."""
+    walks = list(outcomes)
+    values = sorted({walk.job.candidate.v_left for walk in walks})
+    side = min(np.diff(values), default=1.0)
+    for walk in walks:
+        at = walk.job.candidate
+        colour = scale.to_rgba(walk.speed_m_s * 1e3) if walk.allowed else "white"
+        mark = REASONS[walk.reasons[0]][0] if walk.reasons else None
+        axes.add_patch(
+            Rectangle(
+                (at.v_left - 0.5 * side, at.v_right - 0.5 * side),
+                side,
+                side,
+                facecolor=colour,
+                edgecolor=mark or "white",
+                hatch="////" if mark else None,
+                linewidth=0.0 if mark else 0.8,
+            )
+        )
+    low, high = STRIDES
+    axes.grid(visible=False)
+    axes.set_xlim(low - 0.5 * side, high + 0.5 * side)
+    axes.set_ylim(low - 0.5 * side, high + 0.5 * side)
+
+
+def _points(axes: Axes, outcomes: Iterable[Outcome], scale: ScalarMappable) -> None:
+    for walk in outcomes:
+        at = walk.job.candidate
+        if walk.allowed:
+            colour, mark = scale.to_rgba(walk.speed_m_s * 1e3), "o"
+        else:
+            colour, mark = REASONS[walk.reasons[0]]
+        axes.plot(at.v_left, at.v_right, mark, color=colour, markersize=7,
+                  markeredgecolor="white", markeredgewidth=0.6, zorder=3)  # fmt: skip
+
+
+def _course(axes: Axes, result: Result) -> None:
+    axes.set_title("Fastest allowed walk so far")
+    for found in result.found:
+        speeds = np.array(found.course_m_s) * 1e3
+        walks = np.arange(1, len(speeds) + 1)
+        colour = COLOURS[found.method]
+        axes.step(walks, speeds, where="post", color=colour, label=found.method.value)
+        if found.checks:
+            checked = found.speed_m_s * 1e3
+            axes.plot(len(speeds), checked, "o", color=colour, markersize=6)
+    axes.axhline(result.original.speed_m_s * 1e3, color=INK, linestyle=":", label="original gait")
+    handles, _ = axes.get_legend_handles_labels()
+    handles.append(Line2D([], [], marker="o", linestyle="none", color=GOAL, label="checked, mean"))
+    axes.legend(handles=handles, loc="lower right")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("walks")
+    axes.set_ylabel("speed [mm/s]")
+
+
+def _legend(figure: Figure, outcomes: Iterable[Outcome]) -> None:
+    shown = {outcome.reasons[0] for outcome in outcomes if outcome.reasons}
+    handles: list[Patch | Line2D] = [
+        Line2D([], [], marker=mark, linestyle="none", color=colour, label=reason.value)
+        for reason, (colour, mark) in REASONS.items()
+        if reason in shown
+    ]
+    handles.append(
+        Line2D(
+            [],
+            [],
+            marker="o",
+            linestyle="none",
+            color=INK,
+            fillstyle="none",
+            markersize=10,
+            label="chosen",
+        )
+    )
+    figure.legend(handles=handles, loc="outside lower left", ncols=len(handles))

@@ -1,0 +1,127 @@
+"""Finished walks on disk: ``walks.csv``, a row a walk, and what they are walks of.
+
+The table is written anew under another name and then renamed after every walk, so that it is whole
+whatever ends the program. Numbers are written with all their digits: a walk is found again by what
+was asked for, to the bit.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+import tomllib
+from dataclasses import asdict, astuple, fields
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from busemu.tables import Robot
+
+from .candidate import NAMES, Candidate, GaitSearchError
+from .outcome import Job, Outcome
+
+WALKS, SEARCH = "walks.csv", "search.toml"
+_MEASURED = tuple(field for field in fields(Outcome) if field.name != "job")
+#: For the reader of the table; read back they are worked out again.
+_DERIVED = ("allowed", "reasons")
+COLUMNS = (*NAMES, "seconds", "seed", *(field.name for field in _MEASURED), *_DERIVED)
+_READ = {"float": float, "int": int, "str": str}
+
+
+class Ledger:
+    """The walks of one robot file in one folder. Raises :class:`GaitSearchError`, ``OSError``."""
+
+    def __init__(self, folder: Path, robot: Robot) -> None:
+        self.folder = folder
+        self._of = {"robot": robot.name, "sha256": fingerprint(robot)}
+        self._found: dict[Job, Outcome] = {}
+        if (folder / WALKS).exists():
+            self._check()
+            self._found = _read(folder / WALKS)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def get(self, job: Job) -> Outcome | None:
+        """The finished walk, if it is there."""
+        return self._found.get(job)
+
+    def add(self, outcome: Outcome) -> None:
+        """Keep a finished walk, on disk when this returns."""
+        if not self._found:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            replace_text(self.folder / SEARCH, tomli_w.dumps(self._of))
+        self._found[outcome.job] = outcome
+        text = io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(COLUMNS)
+        table.writerows(_row(each) for each in self._found.values())
+        replace_text(self.folder / WALKS, text.getvalue())
+
+    def _check(self) -> None:
+        path = self.folder / SEARCH
+        try:
+            told = tomllib.loads(path.read_text("utf-8"))
+        except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError):
+            raise GaitSearchError(
+                f"{path}: cannot be read, so nobody knows whose walks {WALKS} has: choose another "
+                "--out"
+            ) from None
+        if told != self._of:
+            raise GaitSearchError(
+                f"{self.folder}: its walks are of {told.get('robot')} with another robot file: "
+                "choose another --out"
+            )
+
+
+def fingerprint(robot: Robot) -> str:
+    """SHA-256 of what a robot file says, whatever its layout and comments."""
+    said = json.dumps(robot.document, sort_keys=True, default=dict)
+    return hashlib.sha256(said.encode()).hexdigest()
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, "utf-8")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _row(outcome: Outcome) -> list[str]:
+    job = outcome.job
+    measured = asdict(outcome)
+    cells: list[Any] = [*astuple(job.candidate), job.seconds, job.seed]
+    cells += [measured[field.name] for field in _MEASURED]
+    words = [str(cell) if not isinstance(cell, float) else repr(cell) for cell in cells]
+    reasons = ", ".join(reason.value for reason in outcome.reasons)
+    return [*words, "yes" if outcome.allowed else "no", reasons]
+
+
+def _read(path: Path) -> dict[Job, Outcome]:
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    if not rows or tuple(rows[0]) != COLUMNS:
+        raise GaitSearchError(f"{path}: its columns are not those of a gait search: remove it")
+    found = {}
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            cell = dict(zip(COLUMNS, row, strict=True))
+            job = Job(
+                Candidate(*(float(cell[name]) for name in NAMES)),
+                float(cell["seconds"]),
+                int(cell["seed"]),
+            )
+            measured = {f.name: _READ[str(f.type)](cell[f.name]) for f in _MEASURED}
+        except ValueError:
+            raise GaitSearchError(
+                f"{path}: row {number} cannot be read: remove the row, and its walk is made again"
+            ) from None
+        found[job] = Outcome(job=job, **measured)
+    return found
