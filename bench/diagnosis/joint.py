@@ -24,11 +24,12 @@ from .regimes import localise
 from .remainder import Remainder, remainder
 from .result import Cause, Diagnosis, Estimate, FitSummary
 from .rivals import rivals
-from .search import HARM, Progress, covariances, drop, grow, held_out, inside, score_outside
+from .search import HARM, Gain, Progress, covariances, drop, grow, held_out, inside, score_outside
 
 Floats = NDArray[np.float64]
 
 STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
+MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
 STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
 STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
 SIGNIFICANT = 0.05
@@ -69,10 +70,22 @@ def diagnose_joint(
     floors = {kind: noise.total for kind, noise in before.noise.items()} | {
         Kind.POSITION: tolerance(floor)
     }
-    after, taken, confirmed = grow(model, before, dict(effects), say, floors)
+    rejected: list[Mapping[str, Any]] = []
+    while True:
+        after, taken, confirmed = grow(model, before, dict(effects), say, floors)
+        worse = _denied(model, judge, after, taken, floors, say) if judged else None
+        if worse is None:
+            break
+        rejected.append(
+            {
+                "effect": worse.effect,
+                "gain_nats": float(worse.deflated),
+                "because": "it makes recordings that were not used to fit worse",
+            }
+        )
+        effects = {name: e for name, e in effects.items() if name != worse.effect}
     whole = score_outside(model, after) if len(taken) > 1 else []
     causes, nexts = [], []
-    rejected: list[Mapping[str, Any]] = []
     for gain in taken:
         probability, close, fits, without = rivals(
             model, after, gain.effect, effects, confirmed, say
@@ -84,14 +97,6 @@ def diagnose_joint(
         if whole:
             outside = held_out(score_outside(model, without), whole, floors)
         assert outside is not None
-        if inside(judge, without, after, floors).harm > HARM:
-            rejected.append(
-                {
-                    "effect": gain.effect,
-                    "gain_nats": float(gain.deflated),
-                    "because": "it makes recordings that were not used to fit worse",
-                }
-            )
         causes.append(
             Cause(
                 effect=gain.effect,
@@ -103,15 +108,12 @@ def diagnose_joint(
                 indistinguishable_from=tuple(close),
             )
         )
-    names = {str(r["effect"]) for r in rejected}  # named, and not borne out
-    causes = [c for c in causes if c.effect not in names]
-    for name in sorted(names):
-        after, *_ = drop(model, after, name)
     rejected += supply_contradiction(model, after, say)
     say("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]
     rest = remainder(judge, blocks, seed)
-    structured = is_structured(rest, floor)
+    left = block_rms(blocks, Kind.POSITION)
+    structured = is_structured(rest, floor) or left > MISFIT * tolerance(floor)
     verdict = {
         (False, False): "consistent",
         (False, True): "unexplained",
@@ -125,7 +127,7 @@ def diagnose_joint(
         causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
         fit=FitSummary(
             before=block_rms(judged_before, Kind.POSITION),
-            after=block_rms(blocks, Kind.POSITION),
+            after=left,
             noise_floor=floor,
             held_out=bool(judged),
             recordings=tuple(o.name for o in (judged or observed)),
@@ -167,6 +169,25 @@ def diagnose_joint(
         },
     )
     return JointFindings(diagnosis, model, before, after, judge)
+
+
+def _denied(
+    model: JointModel,
+    judge: JointModel,
+    after: Fit,
+    taken: Sequence[Gain],
+    floors: Mapping[Kind, float],
+    say: Progress,
+) -> Gain | None:
+    """The effect that does most harm to recordings that were not used to fit, if any does."""
+    harms = []
+    for gain in taken:
+        say(f"{gain.effect} on recordings that were not used to fit")
+        without, *_ = drop(model, after, gain.effect)
+        harm = inside(judge, without, after, floors).harm
+        if harm > HARM:
+            harms.append((harm, gain))
+    return max(harms, key=lambda pair: pair[0])[1] if harms else None
 
 
 def is_structured(rest: Remainder, floor: float) -> bool:
