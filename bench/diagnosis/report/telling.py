@@ -152,7 +152,7 @@ def channel_finding(channel: Mapping[str, Any]) -> str:
 
 def rejection(rejected: Mapping[str, Any]) -> tuple[str, str]:
     """A rejected name and why."""
-    why = rejected.get("why") or rejected.get("reason")
+    why = rejected.get("because")
     if why is None:
         rest = {k: v for k, v in rejected.items() if k not in ("effect", "scope")}
         why = ", ".join(f"{plain(k)} {_told(v)}" for k, v in rest.items())
@@ -161,6 +161,23 @@ def rejection(rejected: Mapping[str, Any]) -> tuple[str, str]:
 
 def _told(value: Any) -> str:
     return number(value) if isinstance(value, float) else plain(str(value))
+
+
+def _settings(arguments: Mapping[str, Any]) -> list[str]:
+    """Arguments of an experiment, nested ones too; what is left as it is has nothing to tell."""
+    told = []
+    for name, value in arguments.items():
+        if isinstance(value, Mapping):
+            told += _settings(value)
+        elif value is None or value in (0.0, "", []):
+            continue
+        elif name.endswith("_rad") and isinstance(value, float):
+            told.append(f"{plain(name.removesuffix('_rad'))} {degrees(value)}")
+        else:
+            listed = isinstance(value, list | tuple)
+            shown = " ".join(map(_told, value)) if listed else _told(value)
+            told.append(f"{plain(name)} {shown}")
+    return told
 
 
 def remains(unexplained: Mapping[str, Any]) -> str:
@@ -184,9 +201,10 @@ def experiments(diagnosis: Diagnosis) -> list[str]:
     """What to record next, and what for."""
     told = []
     for each in diagnosis.next_experiment:
-        how = ", ".join(f"{plain(k)} {_told(v)}" for k, v in each.arguments.items())
+        rest = {k: v for k, v in each.arguments.items() if v != each.experiment}
+        how = ", ".join(_settings(rest))
         told.append(
-            f"{each.experiment}"
+            plain(each.experiment)
             + (f" ({how})" if how else "")
             + f": tells {joined(plain(s) for s in each.separates)} apart"
             + f" with a chance of {percent(each.power)}"

@@ -1,6 +1,7 @@
 """The page of a diagnosis, and what it says at the terminal."""
 
 import io
+import math
 import re
 from dataclasses import replace
 from datetime import date
@@ -33,6 +34,13 @@ SECTIONS += ("model", "how")
 VOID = {"meta", "br", "use", "path", "link", "img"}
 ORIGIN = Origin("rig", "A rig", ("one", "two"), ("punch",), 3, date(2026, 1, 2), "out/model.toml")
 
+SETTINGS = {
+    "motion": "dither",
+    "arguments": {"amplitude_rad": 0.02, "steps": [1, 2]},
+    "registers": {"p_gain": 16},
+    "warm_start_s": 0.0,
+}
+TOLD = f"dither (amplitude {math.degrees(0.02):.2f}°, steps 1 2, p gain 16)"
 CAUSE = Cause(
     effect="backlash",
     scope=("arm",),
@@ -58,7 +66,7 @@ FOUND = Diagnosis(
          "terms": {"velocity": -0.4}},
     ),
     next_experiment=(
-        NextExperiment("dither", {"amplitude_rad": 0.02}, ("backlash", "dead_zone"), 0.95),
+        NextExperiment("dither", SETTINGS, ("backlash", "dead_zone"), 0.95),
     ),
     limits=("no voltage register was read",),
     channels=(
@@ -67,7 +75,10 @@ FOUND = Diagnosis(
         {"channel": "duty", "judges": "the controller", "rms_before": 0.003, "rms_after": 0.003,
          "rounding": 0.0003, "noise": 0.0004},
     ),
-    rejected=({"effect": "voltage_sag", "channel": "voltage", "wanted_ohm": 1.9},),
+    rejected=(
+        {"effect": "voltage_sag", "because": "the voltage register says 0.15 ohm"},
+        {"effect": "punch", "channel": "duty", "wanted": 1.9},
+    ),
     ranking=(
         {"effect": "backlash", "with": [], "gain_nats": 90.0, "inflation": 3.0,
          "deflated_nats": 30.0},
@@ -195,7 +206,8 @@ def test_the_page_says_what_was_found(parts):
         "0.0098 to 0.0112 rad",
         "trade-off with gain",
         "arm after a reversal: 41 % of the misfit in 10 % of the time (p < 0.001)",
-        "voltage sag: channel voltage, wanted ohm 1.9",
+        "voltage sag: the voltage register says 0.15 ohm",
+        "punch: channel duty, wanted 1.9",
         "no voltage register was read",
         "12,345 rollouts",
         "never considered: punch",
@@ -206,7 +218,7 @@ def test_the_page_says_what_was_found(parts):
 
 def test_a_pair_comes_with_the_experiment_that_separates_it(page):
     pairs = page[page.index('id="pairs"') : page.index('id="left"')]
-    assert "dither (amplitude rad 0.02)" in pairs
+    assert TOLD in pairs
     other = replace(FOUND.next_experiment[0], separates=("backlash", "punch"))
     page = report_page(replace(FOUND, next_experiment=(other,)), TRACES, ORIGIN)
     pairs = page[page.index('id="pairs"') : page.index('id="left"')]
@@ -260,14 +272,18 @@ def test_the_summary_begins_with_the_verdict(verdict):
 
 def test_the_summary_says_what_to_do_next():
     text = printed(FOUND)
-    assert "record dither (amplitude rad 0.02): tells backlash and dead zone apart" in text
+    assert f"record {TOLD}: tells backlash and dead zone apart" in text
     assert "it could also be dead zone (8 %)" in text
     assert "record more groups of motions" in printed(BARE)
 
 
-def test_a_controller_that_follows_its_law_is_cleared():
+def test_a_part_that_follows_its_law_is_cleared():
     duty = FOUND.channels[1]
     assert channel_finding(duty).startswith("cleared")
+    assert "too little to matter" in channel_finding(duty | {"noise": 0.003})
+    supply = {"channel": "voltage", "rms_before": 0.15, "rms_after": 0.15, "rounding": 0.03}
+    assert channel_finding(supply | {"noise": 0.04}).startswith("cleared")
+    assert channel_finding(supply | {"noise": 0.15}).startswith("no better")
     off = duty | {"noise": 0.1, "rms_before": 0.1, "rms_after": 0.1}
     assert channel_finding(off).startswith("no better")
     assert channel_finding(off | {"rms_after": 0.05}).startswith("better")
@@ -281,11 +297,12 @@ def test_the_picture_looks_closely_where_the_model_is_farthest_off():
 
 
 def test_the_typical_recording_is_of_another_group_than_the_worst():
-    traces = [trace("a", size=0.05), trace("b", size=0.01), trace("c", size=0.02)]
-    twin = replace(trace("twin", size=0.049), group="a")
-    assert worst([*traces, twin]).name == "a"
-    assert typical([*traces, twin]).group != "a"
-    assert typical(traces[:1]) is None
+    first, other = trace("a", size=0.05), trace("b", size=0.01)
+    twins = [replace(trace(f"a{i}", size=0.04), group="a") for i in range(4)]
+    assert worst([other, first, *twins]) is first
+    assert typical([other, first, *twins]) is other
+    assert typical([first, *twins]) in twins
+    assert typical([first]) is None
 
 
 def test_an_effect_without_words_is_told_by_its_equation(monkeypatch):
