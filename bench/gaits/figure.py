@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
@@ -34,12 +34,23 @@ TITLES = {
 }
 
 
+class _Scale:
+    """Colours of speeds, from standing still to the fastest [mm/s]."""
+
+    def __init__(self, fastest_mm_s: float) -> None:
+        self.bar = ScalarMappable(Normalize(0.0, fastest_mm_s), "viridis")
+
+    def __call__(self, walk: Outcome) -> str:
+        (colour,) = self.bar.to_rgba(np.array([walk.speed_m_s * 1e3]))
+        return to_hex(colour)
+
+
 @styled
 def landscape(result: Result) -> Figure:
     """A panel a method, and how the fastest allowed walk came about."""
     every = [outcome for found in result.found for outcome in found.outcomes]
     fastest = max((o.speed_m_s for o in every if o.allowed), default=0.0) * 1e3
-    scale = ScalarMappable(Normalize(0.0, max(fastest, 1.0)), "viridis")
+    scale = _Scale(max(fastest, 1.0))
     figure = Figure(figsize=(4.6 * (len(result.found) + 1) + 0.6, 5.0), layout="constrained")
     panels = figure.subplots(1, len(result.found) + 1, squeeze=False)[0]
     figure.suptitle(
@@ -52,13 +63,13 @@ def landscape(result: Result) -> Figure:
     )
     for axes, found in zip(panels, result.found, strict=False):
         _strides(axes, found, result, scale)
-    figure.colorbar(scale, ax=panels[len(result.found) - 1], label="speed, if allowed [mm/s]")
+    figure.colorbar(scale.bar, ax=panels[len(result.found) - 1], label="speed, if allowed [mm/s]")
     _course(panels[-1], result)
     _legend(figure, every)
     return figure
 
 
-def _strides(axes: Axes, found: Found, result: Result, scale: ScalarMappable) -> None:
+def _strides(axes: Axes, found: Found, result: Result, scale: _Scale) -> None:
     axes.set_title(TITLES[found.method])
     if found.method is Method.GRID:
         _cells(axes, found.outcomes, scale)
@@ -78,14 +89,14 @@ def _strides(axes: Axes, found: Found, result: Result, scale: ScalarMappable) ->
     axes.set_ylabel("v_right")
 
 
-def _cells(axes: Axes, outcomes: Iterable[Outcome], scale: ScalarMappable) -> None:
+def _cells(axes: Axes, outcomes: Iterable[Outcome], scale: _Scale) -> None:
     """Walks as the cells of the grid they lie on; what the legs cannot reach stays empty."""
     walks = list(outcomes)
     values = sorted({walk.job.candidate.v_left for walk in walks})
     side = min(np.diff(values), default=1.0)
     for walk in walks:
         at = walk.job.candidate
-        colour = scale.to_rgba(walk.speed_m_s * 1e3) if walk.allowed else "white"
+        colour = scale(walk) if walk.allowed else "white"
         mark = REASONS[walk.reasons[0]][0] if walk.reasons else None
         axes.add_patch(
             Rectangle(
@@ -104,11 +115,11 @@ def _cells(axes: Axes, outcomes: Iterable[Outcome], scale: ScalarMappable) -> No
     axes.set_ylim(low - 0.5 * side, high + 0.5 * side)
 
 
-def _points(axes: Axes, outcomes: Iterable[Outcome], scale: ScalarMappable) -> None:
+def _points(axes: Axes, outcomes: Iterable[Outcome], scale: _Scale) -> None:
     for walk in outcomes:
         at = walk.job.candidate
         if walk.allowed:
-            colour, mark = scale.to_rgba(walk.speed_m_s * 1e3), "o"
+            colour, mark = scale(walk), "o"
         else:
             colour, mark = REASONS[walk.reasons[0]]
         axes.plot(at.v_left, at.v_right, mark, color=colour, markersize=7,
