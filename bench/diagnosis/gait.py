@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.experiments.gait_phase import feet_m
+from bench.experiments.gait_phase import LIFTED_M, STANCE_QUANTILE, feet_m
 from busemu.tables import Robot
 from hal.legs import Legs
 
@@ -28,7 +28,6 @@ SLOWEST_HZ, FASTEST_HZ = 0.2, 4.0  #: gaits that are looked for; assumed
 RHYTHM = 0.5  #: share of the goals' variance at the fundamental and its first two harmonics
 STRONG = 0.5  #: a cycle counts where the rhythm is as strong, of its usual strength
 EVEN = 0.2  #: and its speed as near the usual one
-LIFTED_SHARE = 0.25  #: of its commanded lift, above which a foot is in swing; assumed
 
 Goals = Mapping[str, tuple[Floats, Floats]]  #: by joint: times [s] and angles [rad]
 
@@ -127,8 +126,7 @@ def commanded_lift(goals: Goals, robot: Robot, t_s: Floats) -> NDArray[np.bool_]
     there = {joint: held_at(goals[joint], t_s) for joint in goals}
     rest = dict.fromkeys(legs.joints, np.zeros(len(t_s)))
     height = feet_m(legs, rest | there)[:, :, 2]
-    low, high = np.quantile(height, 0.1, axis=0), height.max(axis=0)
-    lifted: NDArray[np.bool_] = height > low + LIFTED_SHARE * (high - low) + 1e-3
+    lifted: NDArray[np.bool_] = height - np.quantile(height, STANCE_QUANTILE, axis=0) > LIFTED_M
     return lifted
 
 

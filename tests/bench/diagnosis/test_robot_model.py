@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+from walking_robots import believed, marvin, walked_with
+
+from bench.diagnosis.fit import fit
+from bench.diagnosis.model import Hypothesis
+from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_model import RobotModel
+from bench.diagnosis.robot_screen import Screen
+from bench.diagnosis.search import NEEDED
+
+#: recordings of one model: nulls, and one effect each
+NULL, TIPS, SOFT = 0, 1, 2
+TRUE_Z = {"foot_compliance@all": 3.0, "joint_compliance@all": 4.0}
+TRIED = [
+    "foot_compliance@all",
+    "joint_compliance@all",
+    "gain_error@femur",
+    "backlash@tibia",
+    "payload@all",
+]
+
+
+@pytest.fixture(scope="module")
+def model():
+    courses = [
+        walked_with({}, 11),
+        walked_with({"foot_compliance@all": 3.0}, 12),
+        walked_with({"joint_compliance@all": 4.0}, 13),
+    ]
+    known = ("zero", "centre", "tilt", "grip", "supply")
+    with RobotModel(believed(), marvin(), courses, without=known, processes=1) as made:
+        made.prepare(TRIED, first_only=True)
+        yield made
+
+
+def base_fit(model, r):
+    return fit(model, Hypothesis(), np.zeros(len(model.nuisances)), which=[r])
+
+
+def screened(model, r):
+    found = base_fit(model, r)
+    left = [
+        {kind: model.recorded(q, kind) - rows for kind, rows in model.centre[q].items()}
+        for q in range(len(model.features))
+    ]
+    return Screen(model, dict(found.noise), left, which=[r])
+
+
+def test_recordings_of_one_motion_share_their_replays(model):
+    assert model.motion == (0, 0, 0)
+
+
+def test_a_robot_as_believed_is_consistent(model):
+    assert max(one.gain_nats for one in screened(model, NULL).rank(TRIED)) < NEEDED
+
+
+@pytest.mark.parametrize(
+    ("r", "name"), [(TIPS, "foot_compliance@all"), (SOFT, "joint_compliance@all")]
+)
+def test_an_effect_gains_the_most_under_its_own_name(model, r, name):
+    ranking = screened(model, r).rank(TRIED)
+    assert ranking[0].name == name
+    assert ranking[0].gain_nats > NEEDED
+
+
+@pytest.mark.parametrize(
+    ("r", "name"), [(TIPS, "foot_compliance@all"), (SOFT, "joint_compliance@all")]
+)
+def test_a_fit_finds_the_size_of_an_effect(model, r, name):
+    base = base_fit(model, r)
+    hypothesis = Hypothesis((model.placed[name].knob,))
+    found = fit(model, hypothesis, np.append(base.z, 1.0), base.noise, which=[r])
+    assert found.z[-1] == pytest.approx(TRUE_Z[name], rel=0.25)
+    off = model.recentre([(name, float(found.z[-1]))])
+    assert off < model.quantum_rad / 10.0
+    model.recentre([])
+
+
+def test_effects_that_look_alike_are_told_and_others_are_not(model):
+    screen = screened(model, NULL)
+    assert screen.cosine("joint_compliance@all", "joint_compliance@all") == pytest.approx(1.0)
+    assert abs(screen.cosine("joint_compliance@all", "foot_compliance@all")) < 0.95
+    assert screen.alike("gain_error@femur", TRIED) == []
+
+
+def test_without_knobs_the_residual_is_recorded_less_replayed(model):
+    (blocks,) = model.residuals(Hypothesis(), [np.zeros(len(model.nuisances))], [NULL])
+    block = blocks[NULL, RobotKind.JOINTS]
+    plain = model.recorded(NULL, RobotKind.JOINTS) - model.centre[NULL][RobotKind.JOINTS]
+    assert (block.value == plain).all()
+    assert (np.diff(block.t_s) > 0.0).all()
+    assert (block.extra > 0.0).all()
