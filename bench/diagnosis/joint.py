@@ -29,6 +29,7 @@ from .search import HARM, Gain, Progress, covariances, drop, grow, held_out, ins
 Floats = NDArray[np.float64]
 
 STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
+WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
 STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
 STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
@@ -71,11 +72,8 @@ def diagnose_joint(
         Kind.POSITION: tolerance(floor)
     }
     rejected: list[Mapping[str, Any]] = []
-    while True:
-        after, taken, confirmed = grow(model, before, dict(effects), say, floors)
-        worse = _denied(model, judge, after, taken, floors, say) if judged else None
-        if worse is None:
-            break
+    after, taken, confirmed = grow(model, before, dict(effects), say, floors)
+    while judged and (worse := _denied(model, judge, after, taken, floors, say)) is not None:
         rejected.append(
             {
                 "effect": worse.effect,
@@ -84,6 +82,11 @@ def diagnose_joint(
             }
         )
         effects = {name: e for name, e in effects.items() if name != worse.effect}
+        if len(rejected) == 1:  # a second thought; after that, names are only taken back
+            after, taken, confirmed = grow(model, before, effects, say, floors)
+        else:
+            after, *_ = drop(model, after, worse.effect)
+            taken = [gain for gain in taken if gain.effect != worse.effect]
     whole = score_outside(model, after) if len(taken) > 1 else []
     causes, nexts = [], []
     for gain in taken:
@@ -185,7 +188,11 @@ def _denied(
         say(f"{gain.effect} on recordings that were not used to fit")
         without, *_ = drop(model, after, gain.effect)
         harm = inside(judge, without, after, floors).harm
-        if harm > HARM:
+        squares = [
+            block_rms(judge.residuals(f.hypothesis, [f.z])[0], Kind.POSITION) ** 2
+            for f in (without, after)
+        ]
+        if harm > HARM and squares[1] > WORSE * squares[0]:
             harms.append((harm, gain))
     return max(harms, key=lambda pair: pair[0])[1] if harms else None
 
