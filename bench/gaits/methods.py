@@ -20,9 +20,9 @@ from .outcome import Outcome
 
 #: The thesis's grid has so many values a parameter.
 GRID_VALUES = 10
-#: Candidates a generation: 4 + 3 ln 7, the usual number for seven dimensions, made even for two
-#: processes (N. Hansen, The CMA Evolution Strategy: A Tutorial, 2016).
-POPULATION = 10
+#: Candidates a generation: about 4 + 3 ln 7, the usual number for seven dimensions, made even for
+#: two or four processes (N. Hansen, The CMA Evolution Strategy: A Tutorial, 2016).
+POPULATION = 8
 #: Draws for a candidate that the legs can reach, before it is taken as it is.
 REDRAWS = 100
 
