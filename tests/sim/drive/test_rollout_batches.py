@@ -259,7 +259,8 @@ def test_the_phase_of_a_load_register_moves_its_instants() -> None:
         instants = (np.flatnonzero(np.diff(held)) + 1) * TICK_S
         instants = instants[instants > phase + 2 * TICK_S]
         wanted = phase + 0.13 * np.arange(1, len(instants) + 1)
-        assert instants == pytest.approx(wanted, abs=1.01 * TICK_S)
+        # one tick for the sample at its end, one for sums of the period that round
+        assert instants == pytest.approx(wanted, abs=2.01 * TICK_S)
         assert len(instants) == int((1.0 - phase) / 0.13)
 
 
