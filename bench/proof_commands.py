@@ -29,6 +29,13 @@ def prove(
         typer.Option(min=1, help="A balanced part of so many cases. Default: all."),
     ] = None,
     processes: Annotated[int, typer.Option(min=1, help="How many run at a time.")] = 2,
+    active: Annotated[
+        bool,
+        typer.Option("--active", help="Run the proposed next experiment where a case is open."),
+    ] = False,
+    baselines: Annotated[
+        int, typer.Option(min=0, metavar="CASES", help="Run other methods on so many cases, too.")
+    ] = 0,
     only_plan: Annotated[
         bool, typer.Option("--only-plan", help="Show what would be drawn, and stop.")
     ] = False,
@@ -44,6 +51,8 @@ def prove(
     Ctrl-C keeps what is finished; the same command goes on from there. What is counted, and how,
     stands in docs/proof/rules.md.
     """
+    from .proof import rivals
+    from .proof.active import Active
     from .proof.errors import ProofError
     from .proof.plan import plan
     from .proof.report import write_score
@@ -73,7 +82,12 @@ def prove(
             f"confinement {published['confinement']}"
         )
         _diagnose(proof)
-        score = write_score(proof, seed, published)
+        second = Active(proof, seed) if active or (proof.folder / "active").exists() else None
+        if second:
+            _rounds("next experiments", second.run())
+        if baselines:
+            _rounds("other methods", rivals.run(proof, baselines))
+        score = write_score(proof, seed, published, second, baselines)
     except ProofError as error:
         fail(error)
     except OSError as error:
@@ -82,7 +96,7 @@ def prove(
         typer.echo("interrupted; finished cases are kept, the same command goes on")
         raise typer.Exit(130) from None
     _tell_score(score)
-    typer.echo(f"look at   {out / 'score.json'}, {out / 'cases.csv'}")
+    typer.echo(f"look at   {out / 'index.html'}, {out / 'score.json'}, {out / 'cases.csv'}")
 
 
 def _tell_plan(planned: tuple[Planned, ...]) -> None:
@@ -97,6 +111,16 @@ def _diagnose(proof: Proof) -> None:
     with _bar("diagnosing", len(proof.had), done) as show:
         for _ in proof.answer():
             done += 1
+            show(done)
+
+
+def _rounds(words: str, steps: Iterator[tuple[int, int]]) -> None:
+    """Go through what yields how many are done, of how many."""
+    from itertools import chain
+
+    first = next(steps, (0, 0))
+    with _bar(words, first[1], first[0]) as show:
+        for done, _ in chain([first], steps):
             show(done)
 
 

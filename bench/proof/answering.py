@@ -46,6 +46,7 @@ class Answers:
     answers: Path
     work: Path
     method: Method = DIAGNOSIS
+    more: Path | None = None  #: folder with a folder of further recordings for some cases
 
     def finished(self, name: str) -> bool:
         """Whether a case has its answer, even if that is a failure."""
@@ -77,6 +78,8 @@ class Answers:
         staged, out = self.work / name / "stage", self.work / name / "out"
         shutil.rmtree(self.work / name, ignore_errors=True)
         stage(self.cases / name, read_public(self.cases / name), staged, catalogue)
+        if self.more is not None:
+            shutil.copytree(self.more / name, staged / "recordings", dirs_exist_ok=True)
         for folder in (out, out / "tmp"):
             folder.mkdir()
         compiled = [ROOT / place / "__pycache__" for place in COMPILED]
@@ -85,7 +88,13 @@ class Answers:
         reads = [*(ROOT / package for package in PACKAGES), *self.method.reads, staged]
         flags = [f"--read={path}" for path in reads]
         flags += [f"--write={path}" for path in (out, *compiled)]
-        command = (sys.executable, "-P", "-m", "bench.proof.confined", f"--parent={os.getpid()}")
+        command: tuple[str, ...] = (
+            sys.executable,
+            "-P",
+            "-m",
+            "bench.proof.confined",
+            f"--parent={os.getpid()}",
+        )
         command += (*flags, f"--list={ROOT}", self.method.module, str(staged), str(out))
         paths = os.pathsep.join(map(str, (ROOT, *self.method.reads)))
         return Job(

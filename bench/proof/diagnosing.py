@@ -1,7 +1,8 @@
 """``python -m bench.proof.diagnosing STAGE OUT``: one diagnosis, in a process that knows no key.
 
 STAGE has ``recordings/*.parquet``, ``robot.toml`` and ``told.json``: the groups that are held out,
-and the effects that are left in or out of the catalogue. OUT gets what ``busemu diagnose`` writes.
+and the effects that are left in or out of the catalogue. OUT gets what ``busemu diagnose`` writes,
+the menu that the next experiment was chosen from, and the worst of the recordings that judged.
 """
 
 from __future__ import annotations
@@ -11,12 +12,17 @@ import sys
 from datetime import date
 from pathlib import Path
 
+import numpy as np
+
 from bench.diagnosis.knobs import joint_effects
+from bench.diagnosis.next_experiment import menu
+from bench.diagnosis.report.traces import traces_of, worst
 from bench.diagnosis.running import Split, diagnose, group_of, write
 from bench.recording import Recording, read
 from busemu.tables import load_robot
 
-from .staging import TOLD
+from .published import write_json
+from .staging import MENU, TOLD, TRACE
 
 
 def split_of(recordings: list[Recording], held_out: list[str]) -> Split:
@@ -46,6 +52,16 @@ def main(stage: Path, out: Path) -> None:
         say=lambda stage_: print(stage_, flush=True),
     )
     write(robot, findings, out, date.today())
+    (only,) = findings
+    write_json(out / MENU, [choice.plan.document() for choice in menu(only.model)])
+    shown = worst(traces_of(only))
+    np.savez_compressed(
+        out / TRACE,
+        t_s=shown.t_s,
+        measured_rad=shown.measured_rad,
+        before_rad=shown.before_rad,
+        after_rad=shown.after_rad,
+    )
 
 
 if __name__ == "__main__":

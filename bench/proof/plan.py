@@ -105,7 +105,7 @@ def _named(
 ) -> tuple[Planned, ...]:
     order = np.random.default_rng([seed, 31]).permutation(len(drawn))
     return tuple(
-        Planned(f"case-{number + 1:04d}", *drawn[index], catalogue)
+        Planned(f"case-{number + 1:04d}", drawn[index][0], drawn[index][1], catalogue)
         for number, index in enumerate(order.tolist())
     )
 

@@ -4,25 +4,34 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import rivals
+from .active import Active
 from .judging import Judged, judge
+from .page import write_page
+from .pictures import draw
 from .published import write_json
 from .running import Proof
-from .scoring import FORMAT, LEFT_OUT, beside, finite, score
+from .scoring import FORMAT, GOALS, LEFT_OUT, beside, finite, score, set_goal
 from .table import write_table
 
 
 def judged_cases(proof: Proof, keys: dict[str, dict[str, Any]]) -> list[Judged]:
     """All cases of a proof with their keys open."""
-    answers = proof.answers
-    return [judge(name, key, *answers.read(name)) for name, key in keys.items()]
+    return [judge(name, key, *proof.answers.read(name)) for name, key in keys.items()]
 
 
-def write_score(proof: Proof, seed: int, published: dict[str, Any]) -> dict[str, Any]:
-    """Open the keys, write ``score.json`` and ``cases.csv``; returns the score."""
-    keys = proof.open(published)
+def write_score(
+    proof: Proof,
+    seed: int,
+    published: dict[str, Any],
+    active: Active | None = None,
+    baselines: int = 0,
+) -> dict[str, Any]:
+    """Open the keys; write ``score.json``, ``cases.csv``, figures and page. Returns the score."""
+    keys = proof.open(published, (active.digest(),) if active else ())
     cases = judged_cases(proof, keys)
     made_by = {proof.answers.read(name)[1]["sources_sha256"] for name in keys}
-    document = {
+    document: dict[str, Any] = {
         "format": FORMAT,
         "seed": seed,
         "cases": len(cases),
@@ -34,7 +43,19 @@ def write_score(proof: Proof, seed: int, published: dict[str, Any]) -> dict[str,
         "left_out": dict(LEFT_OUT),
         "beside": beside(cases),
     }
-    document = finite(document)
+    if active:
+        row = active.score(keys)
+        set_goal(row, *GOALS["resolved_by_experiment"])
+        document["resolved_by_experiment"] = row
+    else:
+        document["left_out"]["resolved_by_experiment"] = "the proof was run without --active"
+    if baselines:
+        names = rivals.chosen(proof, baselines)
+        rows = rivals.compare(proof, names, keys)
+        document["baselines"] = {"cases": len(names), "rows": rows}
+    told: dict[str, Any] = finite(document)
     write_table(cases, proof.folder / "cases.csv")
-    write_json(proof.folder / "score.json", document)
-    return document
+    write_json(proof.folder / "score.json", told)
+    figures = draw(cases, proof.folder / "figures", proof.answers.answers)
+    write_page(proof.folder / "index.html", told, cases, figures)
+    return told

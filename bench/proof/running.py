@@ -126,12 +126,14 @@ class Proof:
         catalogues = {p.name: p.catalogue for p in self.planned}
         yield from self.answers.answer(self.had, catalogues, self.processes, watch)
 
-    def open(self, published: dict[str, Any]) -> dict[str, dict[str, Any]]:
-        """The keys, when all cases are answered."""
+    def open(
+        self, published: dict[str, Any], further: tuple[str, ...] = ()
+    ) -> dict[str, dict[str, Any]]:
+        """The keys, when all cases are answered; ``further`` are hashes of other answers."""
         left = [name for name in self.had if not self.answers.finished(name)]
         if left:
             raise ProofError(f"{left[0]} and {len(left) - 1} more have no answer yet")
-        digest = self.answers.digest(self.had)
+        digest = " ".join((self.answers.digest(self.had), *further))
         return open_keys(self.folder, self.had, self.secret, published, digest)
 
 

@@ -96,8 +96,8 @@ def score(cases: Sequence[Judged]) -> dict[str, Row]:
         "calibration_error": _calibration(cases),
     }
     for name, row in rows.items():
-        _goal(row, *GOALS[name])
-    _goal(rows["named_at_3_floor"]["top_2"], *SECOND_GUESS)
+        set_goal(row, *GOALS[name])
+    set_goal(rows["named_at_3_floor"]["top_2"], *SECOND_GUESS)
     covered = rows["coverage"]
     if covered["value"] is not None and covered["value"] > COVERAGE_MOST:
         covered["met"] = "good"
@@ -128,7 +128,8 @@ def beside(cases: Sequence[Judged]) -> dict[str, Any]:
     }
 
 
-def _goal(row: Row, good: float, great: float, more: bool) -> None:
+def set_goal(row: Row, good: float, great: float, more: bool) -> None:
+    """Write a row's goals into it, and which of them it meets."""
     row["good"], row["great"] = good, great
     value = row["value"]
     if value is None:

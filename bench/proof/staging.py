@@ -13,6 +13,8 @@ from bench.recording import read
 from .equivalence import Sight, same
 
 TOLD = "told.json"
+MENU = "menu.json"  #: experiments that a diagnosis could have proposed
+TRACE = "trace.npz"  #: a recording that judged, before and after
 #: registers beside the position that say something of the drive
 OF_DRIVE = (
     "present_pwm",

@@ -1,0 +1,131 @@
+"""``index.html``: the score, the figures and every case, to be looked at in a browser."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from .judging import Judged
+from .rivals import METHODS
+from .scoring import GOALS
+
+#: what the figures show
+CAPTIONS = {
+    "power": "Share of single effects named right against their size; bars are 95 % intervals.",
+    "confusion": "What is hidden (rows) and what is named first (columns); numbers of cases.",
+    "calibration": "Stated probabilities against the share that is right; numbers of causes.",
+    "coverage": "Errors of the main parameter, and intervals that hold the truth.",
+    "explained": "Explainable held-out misfit that the named effects remove, case by case.",
+    "failures": "The surest wrong names: residual of positions on a recording that was held out.",
+}
+STYLE = """
+:root { color-scheme: light dark; --ink: #22272e; --paper: #fff; --line: #d5d9df; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #dfe3e8; --paper: #15181c; --line: #3a4048; } }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
+  max-width: 68rem; margin: 2rem auto; padding: 0 1rem; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+td, th { padding: .2rem .7rem .2rem 0; border-bottom: 1px solid var(--line); text-align: left; }
+.scroll { overflow-x: auto; max-height: 40rem; } .scroll td, .scroll th { font-size: 12px; }
+.great { color: #2e8b57; } .good { color: #b58900; } .no { color: #c0392b; }
+img { max-width: 100%; background: #fff; } figure { margin: 1.5rem 0; }
+figcaption { font-size: 13px; }
+"""
+
+
+def write_page(
+    path: Path, score: Mapping[str, Any], cases: Sequence[Judged], figures: Mapping[str, Path]
+) -> None:
+    """Write the page, whole or not at all; figures are named relative to it."""
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'>",
+        "<meta name='viewport' content='width=device-width'>",
+        f"<title>Proof, seed {score['seed']}</title><style>{STYLE}</style>",
+        f"<h1>Proof of the diagnosis: seed {score['seed']}, {score['cases']} cases</h1>",
+        f"<p>{_provenance(score)}</p>",
+        _rows({name: score[name] for name in GOALS if name in score}),
+        *(
+            f"<p>{escape(name)}: left out, {escape(why)}.</p>"
+            for name, why in score["left_out"].items()
+        ),
+    ]
+    for name, file in figures.items():
+        source = escape(str(file.relative_to(path.parent)))
+        parts.append(
+            f"<figure><img src='{source}' alt='{escape(name)}'>"
+            f"<figcaption>{escape(CAPTIONS[name])}</figcaption></figure>"
+        )
+    if "baselines" in score:
+        parts += ["<h2>Other methods on the same cases</h2>", _baselines(score["baselines"])]
+    parts += ["<h2>Every case</h2>", _cases(cases)]
+    part = path.with_name(f".{path.name}.part")
+    part.write_text("\n".join(parts) + "\n", "utf-8")
+    os.replace(part, path)
+
+
+def _provenance(score: Mapping[str, Any]) -> str:
+    frozen = "frozen" if score["frozen"] else "NOT frozen: its sources changed during the run"
+    return escape(
+        f"Diagnoser {score['diagnoser']['commit']}, {frozen}; confinement: "
+        f"{score['confinement']}; {score['not_had']} planned cases could not be had. "
+        "Rules: docs/proof/rules.md. Data: score.json, cases.csv."
+    )
+
+
+def number(row: Mapping[str, Any]) -> str:
+    """A row's value with its interval, in words."""
+    if row["value"] is None:
+        return "no case"
+    low, high = row["ci95"]
+    return f"{row['value']:.3f} [{low:.3f}, {high:.3f}]"
+
+
+def _rows(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    lines = ["<table><tr><th>row<th>value [95 %]<th>n<th>good<th>great<th>"]
+    for name, row in rows.items():
+        lines.append(
+            f"<tr><td>{escape(name)}<td>{number(row)}<td>{row['n']}<td>{row['good']:g}"
+            f"<td>{row['great']:g}<td class='{row['met']}'>{row['met']}"
+        )
+        for inner, other in row.items():
+            if isinstance(other, Mapping) and "value" in other:
+                lines.append(f"<tr><td>&emsp;{escape(inner)}<td>{number(other)}<td>{other['n']}")
+    return "\n".join([*lines, "</table>"])
+
+
+def _baselines(found: Mapping[str, Any]) -> str:
+    names = list(found["rows"])
+    columns = list(found["rows"][names[0]])
+    lines = [f"<p>{found['cases']} cases.</p><div class='scroll'><table><tr><th>method"]
+    lines += [f"<th>{escape(column)}" for column in columns]
+    for name in names:
+        told = f"{name}: {METHODS[name]}" if name in METHODS else name
+        cells = "".join(f"<td>{number(row)}" for row in found["rows"][name].values())
+        lines.append(f"<tr><td>{escape(told)}{cells}")
+    return "\n".join([*lines, "</table></div>"])
+
+
+def _cases(cases: Sequence[Judged]) -> str:
+    lines = ["<div class='scroll'><table><tr><th>case<th>kind<th>concealed<th>hidden<th>size"]
+    lines.append("<th>verdict<th>named<th>right")
+    for c in cases:
+        named = ", ".join(f"{n.effect} {n.probability:.2f}" for n in c.named)
+        hidden = ", ".join((*c.hidden, *(f"({n})" for n in c.ordinary)))
+        size = "" if not c.hidden else f"{c.ratio:.2g}"
+        verdict = f"{c.verdict} {c.failure}".strip()
+        cells = (c.case, c.kind, c.concealment, hidden, size, verdict, named, _right(c))
+        lines.append("<tr>" + "".join(f"<td>{escape(cell)}" for cell in cells))
+    return "\n".join([*lines, "</table></div>"])
+
+
+def _right(c: Judged) -> str:
+    if c.kind == "null":
+        return "false alarm" if c.alarms else "yes"
+    if c.kind in ("deleted", "stranger"):
+        return "yes" if c.says_unknown else "wrong name" if c.wrong else "silent"
+    if c.kind == "single":
+        return "by name" if c.first_exact else "by class" if c.first_right else "no"
+    return "yes" if c.set_right else "no"
