@@ -195,7 +195,7 @@ def test_supply_voltage() -> None:
 def test_thermal_derating(rise_per_k: float) -> None:
     """A stalled winding: with no rise of resistance an exponential; with it, where they agree."""
     per_watt, time_s, seconds = 5.0, 0.4, 3.0
-    drive = plain_drive(resistance_rise_per_k=rise_per_k)
+    drive = plain_drive(resistance_rise_per_k=rise_per_k, heat_resistance_k_w=0.0)
     one = having("thermal_derating", drive=drive, heat_resistance_k_w=per_watt, time_s=time_s)
     out = stalled(one, 0.5, seconds)
     t = np.arange(len(out)) * TICK_S
@@ -348,7 +348,7 @@ def test_joint_compliance() -> None:
     out = run(having("joint_compliance", load, HELD, **values), told)
     t = np.arange(len(out)) * TICK_S
     twist = compliance * GRAVITY_NM * np.linspace(1.0, -1.0, len(t))
-    slow = (t > 1.0) & (t < 4.0)
+    slow = t > 1.5  # what the first pull set ringing is gone
     assert position(out)[slow] == pytest.approx(twist[slow], abs=0.02 * twist.max())
 
 
