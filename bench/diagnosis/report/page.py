@@ -47,6 +47,7 @@ def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -
         pictures=_pictures(diagnosis, traces),
         ranking=_ranking(diagnosis),
         pairs=[pair for cause in diagnosis.causes for pair in _pairs(diagnosis, cause)],
+        details=_details(diagnosis),
         cautions=telling.cautions(diagnosis),
         states=_states(diagnosis),
         advice=[line.replace("{model}", origin.model) for line in telling.advice(diagnosis)],
@@ -103,21 +104,32 @@ def _svg(figure: Any, name: str, title: str) -> Markup:
 
 
 def _ranking(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Confirmed hypotheses, the best first, with the length of their bars [%]."""
-    chosen = {cause.effect for cause in diagnosis.causes}
+    """Confirmed hypotheses by joint, the best first, with the length of their bars [%]."""
     most = max([1.0, *(float(row["deflated_nats"]) for row in diagnosis.ranking)])
     ordered = sorted(
-        diagnosis.ranking, key=lambda row: (len(row["with"]), -float(row["deflated_nats"]))
+        diagnosis.ranking,
+        key=lambda row: (row.get("joint", ""), len(row["with"]), -float(row["deflated_nats"])),
     )
     return [
         dict(row)
         | {
             "bar": max(0.0, 100.0 * float(row["deflated_nats"]) / most),
-            "taken": row["effect"] in chosen and not set(row["with"]) - chosen,
+            "taken": {row["effect"], *row["with"]} <= _chosen(diagnosis, row.get("joint")),
             "enough": float(row["deflated_nats"]) >= NEEDED,
         }
         for row in ordered
     ]
+
+
+def _chosen(diagnosis: Diagnosis, joint: str | None) -> set[str]:
+    """Effects that are named, of one joint if it is told."""
+    return {c.effect for c in diagnosis.causes if joint is None or joint in c.scope}
+
+
+def _details(diagnosis: Diagnosis) -> list[tuple[str, Mapping[str, Any]]]:
+    """How it was done: for each joint, or without a name for the only one."""
+    joints = diagnosis.details.get("joints")
+    return list(joints.items()) if joints else [("", diagnosis.details)]
 
 
 def _pairs(diagnosis: Diagnosis, cause: Cause) -> list[dict[str, Any]]:

@@ -154,9 +154,10 @@ def rejection(rejected: Mapping[str, Any]) -> tuple[str, str]:
     """A rejected name and why."""
     why = rejected.get("because")
     if why is None:
-        rest = {k: v for k, v in rejected.items() if k not in ("effect", "scope")}
+        rest = {k: v for k, v in rejected.items() if k not in ("effect", "scope", "joint")}
         why = ", ".join(f"{plain(k)} {_told(v)}" for k, v in rest.items())
-    return plain(str(rejected["effect"])), str(why)
+    where = f" of {rejected['joint']}" if "joint" in rejected else ""
+    return plain(str(rejected["effect"])) + where, str(why)
 
 
 def _told(value: Any) -> str:

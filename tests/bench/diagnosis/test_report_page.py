@@ -241,6 +241,25 @@ def test_joints_have_panels_of_their_own():
     assert ">knee<" in regimes
 
 
+def test_of_several_joints_each_has_its_own_ranking_and_details():
+    arm = replace(
+        FOUND,
+        ranking=tuple(
+            dict(FOUND.ranking[0]) | {"joint": joint, "deflated_nats": nats}
+            for joint, nats in (("wrist", 90.0), ("arm", 30.0))
+        ),
+        rejected=({"effect": "punch", "joint": "wrist", "because": "it must not"},),
+        details={"joints": {"arm": FOUND.details, "wrist": dict(FOUND.details) | {"rollouts": 7}}},
+    )
+    text = " ".join(Parts(report_page(arm, TRACES[:1], ORIGIN)).text.split())
+    ranking = text[text.rindex("Ranking of hypotheses") : text.rindex("What else it could be")]
+    assert ranking.index("backlash of arm") < ranking.index("backlash of wrist")
+    assert ranking.count(" named") == 1  # at the arm only: the wrist's is not among the causes
+    assert "punch of wrist: it must not" in text
+    assert "12,345 rollouts" in text
+    assert "wrist 7 rollouts" in text
+
+
 def test_of_many_joints_those_missed_by_most_are_shown():
     traces = [trace(joint=f"j{i}", size=0.01 * (i + 1)) for i in range(MOST_JOINTS + 2)]
     figure = regime_picture(traces, 0.001)
