@@ -48,7 +48,7 @@ def test_the_same_test_fails_where_the_program_does_not_bear_it(pytester: pytest
 
 @pytest.mark.pty
 def test_the_same_test_runs_over_a_pty_when_asked(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(TEST, arm=ARM.replace("TRIES", "3"))
+    pytester.makepyfile(TEST, arm=ARM.replace("TRIES", "100"))  # a busy machine may be late
     pytester.runpytest_subprocess("--busemu-wall").assert_outcomes(passed=1)
 
 
@@ -56,24 +56,40 @@ def test_the_same_test_runs_over_a_pty_when_asked(pytester: pytest.Pytester) -> 
 def test_a_port_is_unplugged_and_opened_anew_in_either_time(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(
         """
-        import termios, pytest
+        import termios, pytest, serial
         from dynamixel_sdk import PacketHandler
 
         @pytest.mark.parametrize("wall", [False, True])
         def test_it(servo_bus, faults, wall, tmp_path):
             bus = servo_bus("marvin", wall=wall, link=tmp_path / "tty" if wall else None)
-            packets = PacketHandler(2.0)
-            assert packets.ping(bus.port, 1)[1] == 0
+            port, packets = bus.port, PacketHandler(2.0)
+
+            def until(seen):  # a busy machine may be late
+                for _ in range(200):
+                    if ping() is seen:
+                        return
+                    bus.run(0.1)
+                raise AssertionError(f"never {seen}")
+
+            def ping():
+                port.is_using = False
+                try:
+                    return "answers" if packets.ping(port, 1)[1] == 0 else "silent"
+                except termios.error:
+                    return "gone"
+
+            until("answers")
             faults.unplug()
-            bus.run(0.1)
-            with pytest.raises(termios.error):
-                packets.ping(bus.port, 1)
+            until("gone")
             faults.replug()
-            bus.run(0.1)
-            bus.port.is_using = False
-            bus.port.openPort()
-            bus.port.setBaudRate(1_000_000)
-            assert packets.ping(bus.port, 1)[1] == 0
+            for _ in range(200):
+                try:
+                    port.openPort()
+                    break
+                except serial.SerialException:
+                    bus.run(0.1)
+            port.setBaudRate(1_000_000)
+            until("answers")
         """
     )
     pytester.runpytest_subprocess().assert_outcomes(passed=2)

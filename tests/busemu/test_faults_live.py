@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -33,6 +34,15 @@ def opened(path) -> PortHandler:
     port.openPort()
     port.setBaudRate(1_000_000)
     return port
+
+
+def answers(port, servo_id=1):
+    """Whether a servo answers; on a busy machine it may take more than one ping."""
+    try:
+        until(lambda: SDK.ping(port, servo_id)[1] == OK)
+    except AssertionError:
+        return False
+    return True
 
 
 def fault(*words):
@@ -76,12 +86,13 @@ def test_a_scenario_strikes_and_shows_in_the_trace(link, tmp_path):
     options = ("--robot", "marvin", "--link", link, "--faults", scenario, "--trace", trace)
     with serving(*options) as server:
         port = opened(link)
-        assert [SDK.ping(port, 3)[1] for _ in range(3)] == [TIMEOUT, TIMEOUT, OK]
+        assert [SDK.ping(port, 3)[1] for _ in range(2)] == [TIMEOUT, TIMEOUT]
+        assert answers(port, 3)
         server.end()
     decode = [sys.executable, "-m", "busemu", "decode", str(trace)]
     said = subprocess.run(decode, capture_output=True, text=True, check=True, timeout=60).stdout
     assert said.count("* drop: reply of servo 3 to ping") == 2
-    assert "4 packets, 0 bad" in said
+    assert re.search(r"^[0-9]+ packets, 0 bad$", said, re.MULTILINE)
     monitor = [sys.executable, "-m", "busemu", "monitor", "--once", str(trace)]
     said = subprocess.run(monitor, capture_output=True, text=True, check=True, timeout=60).stdout
     assert said.split("faults that struck")[1].split()[:4] == ["fault", "struck", "drop", "2"]
@@ -102,7 +113,7 @@ def test_faults_come_and_go_by_command(link):
         assert code == 1
         assert "'dorp' is no number and no kind" in said
         assert fault("clear", "--port", link) == (0, "ended 1 fault\n")
-        assert SDK.ping(port, 3)[1] == OK
+        assert answers(port, 3)
 
 
 def test_a_server_is_found_by_its_link_and_by_its_port(link):
@@ -129,7 +140,7 @@ def test_a_port_that_is_unplugged_fails_as_the_one_in_virtual_time_does(link):
     expected = what_fails(virtual.port, lambda: virtual.port)
     with serving("--robot", "marvin", "--link", link) as server:
         port = opened(link)
-        assert SDK.ping(port, 1)[1] == OK
+        assert answers(port)
         number = add(link, kind="unplug")
         until(lambda: not os.path.lexists(link))
         assert what_fails(port, lambda: PortHandler(str(link))) == expected
@@ -139,7 +150,7 @@ def test_a_port_that_is_unplugged_fails_as_the_one_in_virtual_time_does(link):
         with suppress(serial.SerialException):
             port.closePort()
         again = opened(link)
-        assert SDK.ping(again, 1)[1] == OK
+        assert answers(again)
         code, said = server.end()
         assert code == 0
         assert "port unplugged\n" in said
@@ -194,7 +205,7 @@ def test_nonsense_on_the_control_socket_is_answered_or_dropped_and_the_bus_goes_
             assert asker.recv(1) == b""
             asker.close()
         assert ask(str(link), {"do": "list"}) == {"faults": []}
-        assert SDK.ping(opened(link), 1)[1] == OK
+        assert answers(opened(link))
 
 
 def test_a_port_without_server_is_named():
