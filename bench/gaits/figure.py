@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
+from matplotlib.patheffects import withStroke
 
 from ..figures.style import GOAL, INK, MEASURED, MODELLED, STOP, styled
 from .candidate import STRIDES
@@ -21,12 +22,13 @@ from .outcome import Outcome, Reason, best
 if TYPE_CHECKING:
     from .search import Found, Result
 
-#: Colour and mark of what forbids a walk; the gravest of its reasons shows.
+#: Colour, mark and hatching of what forbids a walk. Marks show the gravest reason, cells all.
 REASONS = {
-    Reason.FALL: ("#5d4a7a", "v"),
-    Reason.SELF_COLLISION: (STOP, "X"),
-    Reason.TORQUE: (MODELLED, "^"),
+    Reason.FALL: ("#5d4a7a", "v", "...."),
+    Reason.SELF_COLLISION: (STOP, "X", "////"),
+    Reason.TORQUE: (MODELLED, "^", "\\\\\\\\"),
 }
+READABLE = [withStroke(linewidth=2.5, foreground="white")]  # on any colour
 COLOURS = {Method.CMA: MEASURED, Method.GRID: GOAL}
 TITLES = {
     Method.GRID: "Grid: strides only",
@@ -78,8 +80,16 @@ def _strides(axes: Axes, found: Found, result: Result, scale: _Scale) -> None:
         axes.set_xlim(0.0, STRIDES[1] + 0.5)
         axes.set_ylim(0.0, STRIDES[1] + 0.5)
     for gain in (1.0, 4.0, 6.0):
-        axes.plot(gain, gain, "+", color=INK, markersize=8, zorder=4)
-        axes.annotate(f"{gain:g} x", (gain, gain), (5, -11), textcoords="offset points", fontsize=8)
+        axes.plot(gain, gain, "+", color=INK, markersize=8, zorder=4, path_effects=READABLE)
+        axes.annotate(
+            f"{gain:g} x",
+            (gain, gain),
+            (5, -11),
+            textcoords="offset points",
+            fontsize=8,
+            path_effects=READABLE,
+            zorder=4,
+        )
     chosen = found.checks[0] if found.checks else best(list(found.outcomes))
     if chosen is not None:
         at = chosen.job.candidate
@@ -96,19 +106,22 @@ def _cells(axes: Axes, outcomes: Iterable[Outcome], scale: _Scale) -> None:
     side = min(np.diff(values), default=1.0)
     for walk in walks:
         at = walk.job.candidate
-        colour = scale(walk) if walk.allowed else "white"
-        mark = REASONS[walk.reasons[0]][0] if walk.reasons else None
-        axes.add_patch(
-            Rectangle(
-                (at.v_left - 0.5 * side, at.v_right - 0.5 * side),
-                side,
-                side,
-                facecolor=colour,
-                edgecolor=mark or "white",
-                hatch="////" if mark else None,
-                linewidth=0.0 if mark else 0.8,
+        corner = at.v_left - 0.5 * side, at.v_right - 0.5 * side
+        if walk.allowed:
+            axes.add_patch(Rectangle(corner, side, side, facecolor=scale(walk), edgecolor="white"))
+        for reason in walk.reasons:
+            colour, _, hatch = REASONS[reason]
+            axes.add_patch(
+                Rectangle(
+                    corner,
+                    side,
+                    side,
+                    facecolor="none",
+                    edgecolor=colour,
+                    hatch=hatch,
+                    linewidth=0.0,
+                )
             )
-        )
     low, high = STRIDES
     axes.grid(visible=False)
     axes.set_xlim(low - 0.5 * side, high + 0.5 * side)
@@ -121,7 +134,7 @@ def _points(axes: Axes, outcomes: Iterable[Outcome], scale: _Scale) -> None:
         if walk.allowed:
             colour, mark = scale(walk), "o"
         else:
-            colour, mark = REASONS[walk.reasons[0]]
+            colour, mark, _ = REASONS[walk.reasons[0]]
         axes.plot(at.v_left, at.v_right, mark, color=colour, markersize=7,
                   markeredgecolor="white", markeredgewidth=0.6, zorder=3)  # fmt: skip
 
@@ -146,22 +159,16 @@ def _course(axes: Axes, result: Result) -> None:
 
 
 def _legend(figure: Figure, outcomes: Iterable[Outcome]) -> None:
-    shown = {outcome.reasons[0] for outcome in outcomes if outcome.reasons}
-    handles: list[Patch | Line2D] = [
-        Line2D([], [], marker=mark, linestyle="none", color=colour, label=reason.value)
-        for reason, (colour, mark) in REASONS.items()
-        if reason in shown
-    ]
-    handles.append(
-        Line2D(
-            [],
-            [],
-            marker="o",
-            linestyle="none",
-            color=INK,
-            fillstyle="none",
-            markersize=10,
-            label="chosen",
-        )
+    shown = {reason for outcome in outcomes for reason in outcome.reasons}
+    handles: list[Any] = []  # the type hints of matplotlib know no pairs
+    labels = []
+    for reason, (colour, mark, hatch) in REASONS.items():
+        if reason in shown:
+            cell = Patch(facecolor="none", edgecolor=colour, hatch=hatch, linewidth=0.0)
+            point = Line2D([], [], marker=mark, linestyle="none", color=colour, mec="white")
+            handles.append((cell, point))
+            labels.append(reason.value)
+    ring = Line2D([], [], marker="o", linestyle="none", color=INK, fillstyle="none", markersize=10)
+    figure.legend(
+        [*handles, ring], [*labels, "chosen"], loc="outside lower left", ncols=len(handles) + 1
     )
-    figure.legend(handles=handles, loc="outside lower left", ncols=len(handles))
