@@ -2,6 +2,8 @@
 # make test   all tests
 # make lint   style, types, import rules
 # make bench  speed, each figure against its floor
+# make power  a proof of the diagnosis on CASES cases, about a minute each: how large an effect must be
+# make prove  the whole proof: over a thousand cases, a day or so; Ctrl-C and again goes on
 # make lock   renew requirements.lock from pyproject.toml
 
 PYTHON ?= python3.11
@@ -9,8 +11,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 ROBOT ?= marvin
+SEED ?= 1
+CASES ?= 100
 
-.PHONY: demo test lint bench lock clean
+.PHONY: demo test lint bench power prove lock clean
 
 demo: $(READY)
 	$(BIN)/busemu demo --robot $(ROBOT)
@@ -26,6 +30,12 @@ lint: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m bench.speed
+
+power: $(READY)
+	$(BIN)/busemu prove --seed $(SEED) --cases $(CASES) --out out/power-$(SEED)
+
+prove: $(READY)
+	$(BIN)/busemu prove --seed $(SEED) --active --baselines 100 --out out/proof-$(SEED)
 
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 10), (3, 11)))' || \

@@ -95,6 +95,11 @@ class Active:
             shares[way] = share(is_resolved(case) for case in judged if case.kind != "null")
         return {**shares["proposed"], "random": shares["random"]}
 
+    def made_by(self) -> set[str]:
+        """Hashes of the sources that made the second answers."""
+        names = self.ambiguous()
+        return {self.answers(w).read(n)[1]["sources_sha256"] for w in WAYS for n in names}
+
     def digest(self) -> str:
         """A hash of the second answers."""
         names = list(self.ambiguous())

@@ -88,18 +88,12 @@ class Answers:
         reads = [*(ROOT / package for package in PACKAGES), *self.method.reads, staged]
         flags = [f"--read={path}" for path in reads]
         flags += [f"--write={path}" for path in (out, *compiled)]
-        command: tuple[str, ...] = (
-            sys.executable,
-            "-P",
-            "-m",
-            "bench.proof.confined",
-            f"--parent={os.getpid()}",
-        )
-        command += (*flags, f"--list={ROOT}", self.method.module, str(staged), str(out))
+        confined = ("-P", "-m", "bench.proof.confined", f"--parent={os.getpid()}", *flags)
+        told = (f"--list={ROOT}", self.method.module, str(staged), str(out))
         paths = os.pathsep.join(map(str, (ROOT, *self.method.reads)))
         return Job(
             name,
-            (*command, *self.method.arguments),
+            (sys.executable, *confined, *told, *self.method.arguments),
             out / "log.txt",
             most_s=MOST_S,
             environment={"TMPDIR": str(out / "tmp"), "PYTHONPATH": paths},

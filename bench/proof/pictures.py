@@ -68,7 +68,8 @@ def power(cases: Sequence[Judged]) -> Figure:
     _sizes(top)
     top.set_title("All single effects")
     top.set_xlabel("size / detection floor")
-    top.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    if singles:
+        top.legend(loc="center left", bbox_to_anchor=(0.0, 0.72))
     for i, name in enumerate(names):
         axes = figure.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
         own = [c for c in singles if c.hidden == (name,)]
@@ -89,7 +90,7 @@ def confusion(cases: Sequence[Judged]) -> Figure:
         true = c.hidden[0] if c.hidden else NOTHING
         true = f"{true} ({c.kind})" if c.kind in UNKNOWN_KINDS else true
         rows.setdefault(true, Counter())[_first(c)] += 1
-    order = sorted(rows, key=lambda name: ("(" in name, name == NOTHING, name))
+    order = sorted(rows, key=lambda name: (name.partition("(")[2], name == NOTHING, name))
     named = sorted({n for row in rows.values() for n in row} | {NOTHING, LEFT})
     named = [n for n in named if n not in (NOTHING, LEFT)] + [NOTHING, LEFT]
     shares = np.array([[rows[t][n] / sum(rows[t].values()) for n in named] for t in order])
@@ -137,7 +138,7 @@ def calibration(cases: Sequence[Judged]) -> Figure:
         bins = np.minimum((told[:, 0] * BINS).astype(int), BINS - 1)
         for b in sorted(set(bins.tolist())):
             own = told[bins == b]
-            x, y = own.mean(axis=0)
+            x, y = own.mean(axis=0) + np.array([0.006 * by_class, 0.0])
             low, high = wilson(int(own[:, 1].sum()), len(own))
             bars = [[max(0.0, y - low)], [max(0.0, high - y)]]
             axes.errorbar(x, y, bars, color=colour, marker="o", ms=4, capsize=2,
@@ -171,6 +172,7 @@ def coverage(cases: Sequence[Judged]) -> Figure:
     left.set_xscale("log")
     left.axvline(0.05, color=START, lw=1)
     left.set_yticks(range(len(names)), names, fontsize=7.5)
+    left.invert_yaxis()
     left.set(title="Error of the size", xlabel="share of the way from off")
     right.axvspan(0.93, 0.97, color=START, alpha=0.2, lw=0)
     right.set(title="Truth within the 95 % interval", xlim=(0, 1.02), xlabel="share")

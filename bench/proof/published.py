@@ -64,10 +64,13 @@ def commit() -> str:
     return found.stdout.strip()
 
 
-def publish(folder: Path, cases: list[str], plan: str, generator: str) -> dict[str, Any]:
+def publish(
+    folder: Path, cases: list[str], plan: str, generator: str, *, left: bool = True
+) -> dict[str, Any]:
     """Write ``published.json`` before anything is diagnosed, or check that it still holds.
 
-    Raises :class:`ProofError` where the cases or the diagnoser are others than those published.
+    ``left``: cases are still to be diagnosed, so that the diagnoser must be the same. Raises
+    :class:`ProofError` where the cases or the diagnoser are others than those published.
     """
     keys = {}
     for name in cases:
@@ -80,7 +83,7 @@ def publish(folder: Path, cases: list[str], plan: str, generator: str) -> dict[s
             raise ProofError(f"{path}: is of another seed or another number of cases: use --out")
         if told["cases"] != keys:
             raise ProofError(f"{path}: the cases are not those that were published: use --out")
-        if told["diagnoser"]["sources_sha256"] != sources():
+        if left and told["diagnoser"]["sources_sha256"] != sources():
             raise ProofError(
                 f"{path}: the diagnoser has changed since it was published ({commit()} now, "
                 f"{told['diagnoser']['commit']} then): go back to it, or use --out"

@@ -31,6 +31,7 @@ def write_score(
     keys = proof.open(published, (active.digest(),) if active else ())
     cases = judged_cases(proof, keys)
     made_by = {proof.answers.read(name)[1]["sources_sha256"] for name in keys}
+    made_by |= active.made_by() if active else set()
     document: dict[str, Any] = {
         "format": FORMAT,
         "seed": seed,

@@ -68,6 +68,11 @@ class Proof:
         return tuple(p.name for p in self.planned if (self.cases / p.name).exists())
 
     @property
+    def left(self) -> list[str]:
+        """Names of the cases that have no answer yet."""
+        return [name for name in self.had if not self.answers.finished(name)]
+
+    @property
     def not_had(self) -> list[dict[str, Any]]:
         """Planned cases that could not be had, with reasons."""
         found = sorted(self.cases.glob(f"*{NOT_HAD}"))
@@ -113,15 +118,15 @@ class Proof:
 
     def publish(self) -> dict[str, Any]:
         """Publish the hashes, or check them. Raises :class:`ProofError`."""
-        return publish(self.folder, list(self.had), fingerprint(self.planned), generator())
+        plan = fingerprint(self.planned)
+        return publish(self.folder, list(self.had), plan, generator(), left=bool(self.left))
 
     def answer(self, watch: Callable[[], None] = lambda: None) -> Iterator[str]:
         """Diagnose what is left; yields the name of every case that is finished.
 
         Raises :class:`ProofError` if keys were opened while cases are left.
         """
-        left = [name for name in self.had if not self.answers.finished(name)]
-        if left and was_opened(self.folder):
+        if self.left and was_opened(self.folder):
             raise ProofError(f"{self.folder}: the keys are open, no case is diagnosed any more")
         catalogues = {p.name: p.catalogue for p in self.planned}
         yield from self.answers.answer(self.had, catalogues, self.processes, watch)
@@ -130,8 +135,7 @@ class Proof:
         self, published: dict[str, Any], further: tuple[str, ...] = ()
     ) -> dict[str, dict[str, Any]]:
         """The keys, when all cases are answered; ``further`` are hashes of other answers."""
-        left = [name for name in self.had if not self.answers.finished(name)]
-        if left:
+        if left := self.left:
             raise ProofError(f"{left[0]} and {len(left) - 1} more have no answer yet")
         digest = " ".join((self.answers.digest(self.had), *further))
         return open_keys(self.folder, self.had, self.secret, published, digest)

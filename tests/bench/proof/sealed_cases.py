@@ -18,9 +18,13 @@ def prying(*words: str) -> Method:
     return Method("prying_diagnoser", words, (HERE,))
 
 
-def small_proof(folder: Path, *words: str, count: int = 2) -> Proof:
+def small_proof(folder: Path, *words: str) -> Proof:
     """A proof of nulls, which are written quickly."""
-    planned = tuple(
-        Planned(f"case-{n:04d}", 40 + n, Asked("null", **EASY)) for n in range(1, count + 1)
-    )
+    planned = tuple(Planned(f"case-{n:04d}", 40 + n, Asked("null", **EASY)) for n in (1, 2))
     return Proof(folder, planned, 2, prying(*words))
+
+
+def delayed_proof(folder: Path, *words: str) -> Proof:
+    """A proof of one case with a large delay."""
+    asked = Asked("single", ("transport_delay",), 8.0, "plain", **EASY)
+    return Proof(folder, (Planned("case-0001", 41, asked),), 2, prying(*words))

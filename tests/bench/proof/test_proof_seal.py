@@ -119,6 +119,12 @@ def test_a_diagnoser_that_changed_is_refused(proof, monkeypatch):
         proof.publish()
 
 
+def test_a_finished_proof_can_be_scored_whatever_the_diagnoser_is_now(proof, monkeypatch):
+    trying, _ = answered(proof)
+    monkeypatch.setattr(published, "sources", lambda: "another")
+    assert trying.publish() == json.loads((proof.folder / "published.json").read_text())
+
+
 def test_an_answer_that_changed_after_the_keys_were_opened_is_noticed(proof):
     trying, _ = answered(proof)
     told = trying.publish()

@@ -1,0 +1,133 @@
+"""From answers to a score: the second round, the files, and the whole of it as a user runs it."""
+
+import csv
+import json
+import subprocess
+import sys
+
+import pytest
+from judged_cases import cause, diagnosis, effect, judged, key
+from sealed_cases import delayed_proof, small_proof
+
+from bench.proof import pictures
+from bench.proof.active import Active
+from bench.proof.errors import ProofError
+from bench.proof.judging import Judged
+from bench.proof.report import write_score
+from bench.proof.scoring import GOALS
+
+
+def prove(*words):
+    """``busemu prove`` as a person types it."""
+    command = (sys.executable, "-c", "from busemu.cli import main; main()", "prove", *words)
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def ambiguous(tmp_path_factory):
+    """A proof of one ambiguous case that the proposed experiment decides, and no other does."""
+    proof = delayed_proof(tmp_path_factory.mktemp("active") / "proof", "ambiguous")
+    proof.prepare()
+    proof.write()
+    published = proof.publish()
+    list(proof.answer())
+    active = Active(proof, seed=9)
+    assert list(active.run())[-1] == (2, 2)
+    return proof, active, published, write_score(proof, 9, published, active)
+
+
+def test_the_proposed_experiment_is_run_on_the_hidden_specimen_and_scored(ambiguous):
+    _, _, _, score = ambiguous
+    row = score["resolved_by_experiment"]
+    assert (row["value"], row["n"], row["met"]) == (1.0, 1, "great")
+    assert (row["random"]["value"], row["random"]["n"]) == (0.0, 1)
+
+
+def test_the_second_round_is_not_run_again(ambiguous):
+    _, active, _, _ = ambiguous
+    assert list(active.run()) == [(1, 2), (2, 2)]  # as many as there are, at once
+
+
+def test_the_second_round_comes_before_the_keys_are_opened(tmp_path):
+    proof = delayed_proof(tmp_path / "proof", "ambiguous")
+    proof.prepare()
+    proof.write()
+    published = proof.publish()
+    list(proof.answer())
+    write_score(proof, 9, published)
+    with pytest.raises(ProofError, match="--active comes before"):
+        list(Active(proof, seed=9).run())
+
+
+def test_everything_is_written_beside_the_score(ambiguous):
+    proof, _, published, score = ambiguous
+    assert json.loads((proof.folder / "score.json").read_text()) == score
+    assert score["format"] == "busemu-score/1"
+    assert score["frozen"]
+    assert score["diagnoser"] == published["diagnoser"]
+    assert set(GOALS) <= set(score)
+    with (proof.folder / "cases.csv").open(newline="") as file:
+        (line,) = csv.DictReader(file)
+    assert line["hidden"] == "transport_delay"
+    assert line["named"] == "transport_delay:0.600"
+    page = (proof.folder / "index.html").read_text()
+    assert "case-0001" in page
+    for name in ("power", "confusion", "calibration", "coverage", "explained"):
+        assert f"src='figures/{name}.png'" in page
+        assert (proof.folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((proof.folder / "keys" / "case-0001.json").read_text())["kind"] == "single"
+
+
+def test_what_was_not_run_is_left_out_with_a_word(tmp_path):
+    proof = small_proof(tmp_path / "proof")
+    proof.prepare()
+    proof.write()
+    published = proof.publish()
+    list(proof.answer())
+    score = write_score(proof, 9, published)
+    assert "--active" in score["left_out"]["resolved_by_experiment"]
+    assert "whole robots" in score["left_out"]["joint_group_f1"]
+    assert score["false_alarms"]["value"] == 0.0
+    assert score["false_alarms"]["n"] == 2
+
+
+@pytest.mark.parametrize(
+    ("ratio", "size"), [(0.3, 0.5), (0.52, 0.5), (0.98, 1.0), (2.9, 3.0), (5.2, 5.0), (40.0, 8.0)]
+)
+def test_a_ratio_belongs_to_the_nearest_size(ratio, size):
+    assert pictures.size_of(ratio) == size
+
+
+def test_the_surest_wrong_names_are_shown_first():
+    hidden = effect("backlash", width_rad=(0.02, 0.0))
+    cases: list[Judged] = [
+        judged(key("single", hidden), diagnosis(cause(name, p)), name)
+        for name, p in (("punch", 0.6), ("cable_drag", 0.9), ("backlash", 0.99))
+    ]
+    assert [c.case for c in pictures.worst_cases(cases)] == ["cable_drag", "punch"]
+
+
+def test_the_plan_can_be_looked_at_alone(tmp_path):
+    result = prove("--seed", "3", "--out", str(tmp_path / "out"), "--only-plan")
+    assert result.returncode == 0
+    assert "1476 cases: 100 deleted, 300 null, 100 pair, 840 single" in result.stdout
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_proof_of_too_few_cases_is_refused_in_a_line(tmp_path):
+    result = prove("--seed", "3", "--out", str(tmp_path / "out"), "--cases", "2")
+    assert result.returncode == 1
+    assert "at least 6 cases" in result.stderr
+
+
+def test_a_quick_proof_runs_from_its_seed_to_its_score(tmp_path):
+    told = ("--seed", "3", "--out", str(tmp_path / "out"), "--quick")
+    result = prove(*told)
+    assert result.returncode == 0, result.stderr
+    score = json.loads((tmp_path / "out" / "score.json").read_text())
+    assert score["cases"] == 3
+    assert score["beside"]["failed"]["value"] == 0.0
+    assert score["named_at_3_floor"]["n"] == 1
+    assert score["named_at_3_floor"]["value"] == 1.0  # a delay of eight times the floor
+    assert prove(*told).returncode == 0
+    assert json.loads((tmp_path / "out" / "score.json").read_text()) == score
