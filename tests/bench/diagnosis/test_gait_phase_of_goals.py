@@ -67,6 +67,7 @@ def test_phase_zero_is_where_the_first_leg_comes_down():
         pytest.param({"a": lambda t: 0.0 * t}, id="still"),
         pytest.param({"a": lambda t: 0.1 * t}, id="a slow way"),
         pytest.param({"a": lambda t: np.where(t > 4.0, 0.3, 0.0)}, id="one step"),
+        pytest.param({"a": lambda t: np.sin(2.0 * math.pi * (0.4 + 0.3 * t) * t)}, id="a chirp"),
     ],
 )
 def test_goals_without_a_rhythm_have_no_phase(told):
