@@ -1,0 +1,134 @@
+"""Noise of residuals: the filter against the dense Gaussian it stands for."""
+
+import numpy as np
+import pytest
+
+from bench.diagnosis.noise import (
+    CLIP,
+    LONGEST_MEMORY_S,
+    SHORTEST_MEMORY_S,
+    Block,
+    Noise,
+    cost,
+    cost_by_sample,
+    estimate,
+    huber,
+    whiten,
+)
+
+NOISES = [
+    Noise(1.0, 0.0, 0.1),
+    Noise(0.3, 1.0, 0.05),
+    Noise(1.0, 2.0, 0.3),
+    Noise(0.01, 1.0, 0.02),
+]
+
+
+def covariance(t_s, noise, extra):
+    apart = np.abs(t_s[:, None] - t_s[None, :])
+    return noise.coloured**2 * np.exp(-apart / noise.memory_s) + np.diag(noise.white**2 + extra)
+
+
+def drawn(noise, count=150, seed=1, pace_s=0.01):
+    """A block of this very noise, at uneven times, some samples less sure than others."""
+    random = np.random.default_rng(seed)
+    t_s = np.cumsum(random.uniform(0.2, 1.8, count)) * pace_s
+    extra = np.where(random.random(count) < 0.2, 0.5, 0.0) * noise.white**2
+    slow = noise.coloured * random.normal()
+    value = np.sqrt(noise.white**2 + extra) * random.normal(size=count)
+    value[0] += slow
+    for k in range(1, count):
+        keep = np.exp(-(t_s[k] - t_s[k - 1]) / noise.memory_s)
+        slow = keep * slow + noise.coloured * np.sqrt(1.0 - keep**2) * random.normal()
+        value[k] += slow
+    return Block(t_s, value, extra)
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_the_cost_is_that_of_the_dense_gaussian(noise):
+    block = drawn(noise)
+    z, logs = whiten(block, noise, block.value[:, None])
+    assert np.abs(z).max() < CLIP  # so that no sample is taken for an outlier
+    dense = covariance(block.t_s, noise, block.extra)
+    _, logdet = np.linalg.slogdet(dense)
+    square = block.value @ np.linalg.solve(dense, block.value)
+    assert float((z**2).sum()) == pytest.approx(square)
+    assert logs == pytest.approx(0.5 * logdet)
+    assert cost(block, noise) == pytest.approx(0.5 * square + 0.5 * logdet)
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_whitening_is_linear(noise):
+    block = drawn(noise)
+    a, b = np.random.default_rng(2).normal(size=(2, len(block.value)))
+    columns, _ = whiten(block, noise, np.stack([a, b, 3.0 * a - 0.5 * b], axis=1))
+    assert columns[:, 2] == pytest.approx(3.0 * columns[:, 0] - 0.5 * columns[:, 1])
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_whitened_noise_is_white(noise):
+    block = drawn(noise, 3000)
+    z = whiten(block, noise, block.value[:, None])[0][:, 0]
+    few = 4.0 / np.sqrt(len(z))  # four deviations of what is asked for
+    assert abs(z.mean()) < few
+    assert z.var() == pytest.approx(1.0, abs=few * np.sqrt(2.0))
+    assert abs(np.mean(z[1:] * z[:-1])) < few
+
+
+def test_costs_of_samples_sum_to_the_cost():
+    noise = NOISES[1]
+    block = drawn(noise)
+    assert cost_by_sample(block, noise).sum() == pytest.approx(cost(block, noise))
+
+
+def test_an_outlier_costs_no_more_than_linearly():
+    z = np.array([0.5 * CLIP, CLIP, 10.0 * CLIP, 20.0 * CLIP])
+    costs = huber(z)
+    assert costs[:2] == pytest.approx(0.5 * z[:2] ** 2)
+    assert costs[3] - costs[2] == pytest.approx(10.0 * CLIP**2)
+    assert (huber(-z) == costs).all()
+
+
+@pytest.mark.parametrize("noise", [Noise(0.3, 1.0, 0.05), Noise(1.0, 2.0, 0.3)])
+def test_the_estimate_is_the_noise_that_made_the_data(noise):
+    """Within four deviations of the mean of sets like it."""
+    sets = [[drawn(noise, 500, 100 * s + k) for k in range(2)] for s in range(8)]
+    found = [estimate(blocks, 0.05 * noise.white) for blocks in sets]
+    for word in ("white", "coloured", "memory_s"):
+        logs = np.log([getattr(one, word) for one in found])
+        error = np.std(logs, ddof=1) / np.sqrt(len(logs))
+        assert np.mean(logs) == pytest.approx(np.log(getattr(noise, word)), abs=4.0 * error)
+        assert error < 0.1
+
+
+def test_white_noise_comes_out_as_white():
+    random = np.random.default_rng(5)
+    t_s = np.arange(800) * 0.01
+    found = estimate([Block(t_s, 2.0 * random.normal(size=800), np.zeros(800))], 0.1)
+    assert found.total == pytest.approx(2.0, rel=0.1)
+    # what is left to colour has no memory worth the name at this pace
+    kept = found.coloured**2 * np.exp(-0.01 / found.memory_s)
+    assert kept < 0.1 * found.total**2
+
+
+@pytest.mark.parametrize("size", [1e-6, 0.5])
+def test_the_white_part_is_never_below_the_floor(size):
+    random = np.random.default_rng(6)
+    t_s = np.arange(200) * 0.01
+    found = estimate([Block(t_s, size * random.normal(size=200), np.zeros(200))], 1.0)
+    assert found.white >= 1.0 - 1e-9
+    assert found.memory_s * (1.0 + 1e-9) >= SHORTEST_MEMORY_S
+    assert found.memory_s <= LONGEST_MEMORY_S * (1.0 + 1e-9)
+
+
+def test_the_estimate_is_likelier_than_its_neighbours():
+    block = drawn(NOISES[1], 400)
+    found = estimate([block], 0.01)
+    best = cost(block, found)
+    for factor in (0.9, 1.1):
+        for other in (
+            Noise(found.white * factor, found.coloured, found.memory_s),
+            Noise(found.white, found.coloured * factor, found.memory_s),
+            Noise(found.white, found.coloured, found.memory_s * factor),
+        ):
+            assert cost(block, other) > best
