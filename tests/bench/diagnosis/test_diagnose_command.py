@@ -12,7 +12,7 @@ from swinging import ROBOT, swings
 from bench.diagnosis.knobs import joint_effects
 from bench.diagnosis.running import DiagnosisError
 from bench.diagnosis_commands import within
-from bench.recording import write
+from bench.recording import Recording, write
 from busemu.tables import load_robot
 from sim.effects import effect
 from sim.model import additions, read_model
@@ -139,6 +139,16 @@ def test_recordings_of_another_robot_are_refused(still, tmp_path):
     done = busemu("--robot", "pendulum", "--out", tmp_path / "out", *still)
     refused(done, str(still[0]), "another robot")
     assert not (tmp_path / "out").exists()
+
+
+def test_servos_that_the_robot_does_not_have_are_refused(tmp_path):
+    read_once = SimpleNamespace(
+        t_s=0.0, t_reply_s=0.001, servo_id=7, op="read", register="present_position", raw=2048
+    )
+    metadata = {"name": "seven", "source": "simulation", "servo": {"7": {"model": "XL330-M288"}}}
+    path = write(Recording.of([read_once], metadata), tmp_path / "seven.parquet")
+    done = busemu("--robot", ROBOT, "--out", tmp_path / "out", path)
+    refused(done, str(path), "servo 7 is none of xl330-pendulum (it has 1)")
 
 
 def test_recordings_in_which_nothing_moves_are_refused(still, tmp_path):
