@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import secrets
 import sys
@@ -22,7 +23,7 @@ from .processes import ROOT, Job, run
 from .published import publish
 from .writing import NOT_HAD, is_there
 
-TOGETHER = 8  #: cases that one process writes: it keeps what it measured of a rig
+TOGETHER = 8  #: cases that one process writes, at most: it keeps what it measured of a rig
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,8 @@ class Proof:
         missing = [p for p in self.planned if not is_there(self.cases, p.name)]
         if not missing:
             return
-        chunks = [missing[i : i + TOGETHER] for i in range(0, len(missing), TOGETHER)]
+        size = min(TOGETHER, math.ceil(len(missing) / self.processes))
+        chunks = [missing[i : i + size] for i in range(0, len(missing), size)]
         jobs = (self._writing(chunk) for chunk in chunks)
         for ended in run(jobs, self.processes, lambda: watch(self._written())):
             log = ended.job.log
