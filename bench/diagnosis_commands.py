@@ -73,17 +73,18 @@ def diagnose(
         busemu diagnose --robot my-arm.toml --out found --holdout logs/walk-3.parquet logs/
 
     found/report.html shows it in pictures, found/model.toml is the better robot file. It takes
-    minutes. What the words mean stands in docs/how-to/diagnose.md.
+    minutes. An arm is diagnosed joint by joint, with a page for each that moves. What the words
+    mean stands in docs/how-to/diagnose.md.
     """
     from .diagnosis.report import Origin, traces_of, write_report
     from .diagnosis.running import DiagnosisError, write
     from .diagnosis.running import diagnose as run
     from .diagnosis.summary import show
+    from .diagnosis.together import joint_of, together
     from .recording import RecordingError
 
     if budget is not None and not budget > 0.0:
         fail(f"--budget must be more than 0 seconds, not {budget:g}")
-    written = [out / name for name in ("diagnosis.json", "model.toml", "report.html")]
     end_by_interrupt()
     try:
         described = load_robot(robot)
@@ -101,17 +102,20 @@ def diagnose(
             say("writing the report")
             on = date.today()
             write(described, findings, out, on)
-            (only,) = findings
-            origin = Origin(
-                robot=described.name,
-                title=str(described.document.get("title", robot)),
-                fitted=tuple(o.name for o in only.model.observed),
-                left_out=tuple(without or ()),
-                seed=seed,
-                on=on,
-                model=str(out / "model.toml"),
-            )
-            write_report(written[-1], only.diagnosis, traces_of(only), origin)
+            written = [out / "diagnosis.json", out / "model.toml"]
+            for found in findings:
+                origin = Origin(
+                    robot=described.name,
+                    title=str(described.document.get("title", robot)),
+                    fitted=tuple(o.name for o in found.model.observed),
+                    left_out=tuple(without or ()),
+                    seed=seed,
+                    on=on,
+                    model=str(out / "model.toml"),
+                )
+                page = "report" if len(findings) == 1 else f"report-{joint_of(found)}"
+                written.append(out / f"{page}.html")
+                write_report(written[-1], found.diagnosis, traces_of(found), origin)
     except (RobotError, TableError, RecordingError, DiagnosisError) as error:
         fail(error)
     except OSError as error:
@@ -119,8 +123,24 @@ def diagnose(
     except KeyboardInterrupt:
         typer.echo(f"interrupted; files in {out} are whole, those of this run may be missing")
         raise typer.Exit(130) from None
-    _tell_of_left_out(parts, only)
-    show(only.diagnosis, _console(), written, out / "model.toml")
+    for found in findings:
+        _tell_of_left_out(parts, found)
+    if len(findings) > 1:
+        _tell_joints(findings)
+    show(together(findings), _console(), written, out / "model.toml")
+
+
+def _tell_joints(findings: Sequence[JointFindings]) -> None:
+    """A line for each joint of an arm, the one that is left worst first."""
+    from .diagnosis.together import joint_of
+
+    for found in sorted(findings, key=lambda f: -f.diagnosis.fit.after):
+        diagnosis = found.diagnosis
+        names = ", ".join(cause.effect for cause in diagnosis.causes) or "nothing named"
+        typer.echo(
+            f"{joint_of(found):12} {1e3 * diagnosis.fit.before:6.1f} -> "
+            f"{1e3 * diagnosis.fit.after:5.1f} mrad  {diagnosis.verdict.replace('_', ' ')}: {names}"
+        )
 
 
 def within(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import statistics
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import tomli_w
 
 from busemu.tables import Robot
-from sim.effects import effect
+from sim.effects import Scope, effect
 from sim.model import Addition, Estimate, with_additions
 
 from .joint import JointFindings
@@ -47,7 +48,30 @@ def additions(findings: Sequence[JointFindings], on: date) -> list[Addition]:
                 if e.value != effect(cause.effect).off[name]
             }
             made.append(Addition(effect(cause.effect), _where(cause.effect, joint), estimates))
-    return [addition for addition in made if addition.estimates]
+    made = [addition for addition in made if addition.estimates]
+    return made if len(findings) == 1 else _of_arm(made, len(findings))
+
+
+def _of_arm(made: Sequence[Addition], joints: int) -> list[Addition]:
+    """What joints found for themselves as additions to one arm.
+
+    What every joint has of its own stays. What the whole robot has once (its supply, its bus) is
+    the median over all joints, those that found nothing counting as off. Masses are left out: a
+    joint's scale is of all that hangs on it, and bodies hang on several joints.
+    """
+    own = [addition for addition in made if addition.effect.scope is Scope.JOINT]
+    shared = [a for a in made if a.effect.scope in (Scope.ROBOT, Scope.BUS)]
+    for name in dict.fromkeys(a.effect.name for a in shared):
+        some = [a for a in shared if a.effect.name == name]
+        estimates = {}
+        for key, off in some[0].effect.off.items():
+            values = [a.values[key] for a in some] + [off] * (joints - len(some))
+            if (value := statistics.median(values)) != off:
+                source = next(a.estimates[key].source for a in some if key in a.estimates)
+                estimates[key] = Estimate(value, f"median over {joints} joints; {source}")
+        if estimates:
+            own.append(Addition(some[0].effect, (), estimates))
+    return own
 
 
 def write_improved(robot: Robot, findings: Sequence[JointFindings], path: Path, on: date) -> None:
@@ -74,9 +98,11 @@ def _nuisances(found: JointFindings, joint: str, told: str) -> list[Addition]:
         else:
             continue  # tilt of the stand and extent of the weight are not the robot's
         told_of = f"nuisance {nuisance.name}; {told}"
-        made.append(
-            Addition(effect(name), _where(name, joint), {parameter: Estimate(off + x, told_of)})
-        )
+        known = effect(name).parameter(parameter)
+        value = min(known.high, max(known.low, off + x))  # samples earlier than told are no skew
+        if value != known.off:
+            there = {parameter: Estimate(value, told_of)}
+            made.append(Addition(effect(name), _where(name, joint), there))
     return made
 
 

@@ -30,6 +30,7 @@ from sim.rollout import Batch, Candidate, Load
 from .knobs import Knob, nuisances, with_effects
 from .noise import Block
 from .observed import Channel, Observed
+from .posture import arm_load
 
 Floats = NDArray[np.float64]
 
@@ -103,6 +104,7 @@ class JointModel:
         self._speed = [_speed(o) for o in observed]
         self._controllers = {n: e.enters == "controller" for n, e in catalogue().items()}
         self._made: dict[object, Candidate] = {}
+        self._arm_loads: dict[object, Load] = {}
         self.rollouts = 0  #: how many were run so far
 
     def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
@@ -122,15 +124,16 @@ class JointModel:
 
     def _with_effects(self, hypothesis: Hypothesis, z: Floats, r: int) -> Candidate:
         """Without nuisances: the same for many vectors, so the latest are remembered."""
-        key = (hypothesis.knobs, z.tobytes(), self._conditions[r])
+        arm = None if self.observed[r].posture_rad is None else r
+        key = (hypothesis.knobs, z.tobytes(), self._conditions[r], arm)
         if key not in self._made:
             robot = with_effects(self._bases[self._conditions[r]], hypothesis.knobs, z.tolist())
-            load = self._load(robot)
+            load = self._load(robot, r)
             payload = None
             if robot.payload is not None and robot.payload.mass_kg > 0.0:
                 bare = replace(robot, payload=replace(robot.payload, mass_kg=0.0))
                 heavy = robot.bodies[0].mass.mass_kg > 0.0
-                payload = load.plus(self._load(bare), -1.0) if heavy else load
+                payload = load.plus(self._load(bare, r), -1.0) if heavy else load
             rigid = not {"backlash", "joint_compliance"} & set(hypothesis.effects)
             if len(self._made) > REMEMBERED:
                 self._made.clear()
@@ -138,7 +141,15 @@ class JointModel:
             self._made[key] = replace(made, payload=payload)
         return self._made[key]
 
-    def _load(self, robot: PhysicalRobot) -> Load:
+    def _load(self, robot: PhysicalRobot, r: int) -> Load:
+        posture = self.observed[r].posture_rad
+        if posture is not None:
+            key = (r, robot.bodies, robot.payload, robot.ground)
+            if key not in self._arm_loads:
+                if len(self._arm_loads) > REMEMBERED:
+                    self._arm_loads.clear()
+                self._arm_loads[key] = arm_load(robot, self.mount, posture)
+            return self._arm_loads[key]
         told = one_joint_load(robot)
         hangs = self.mount.to_servo(told.centre_rad)
         return Load.pendulum(told.inertia_kg_m2, told.gravity_nm, hangs, max(told.moment_nm, 1e-9))

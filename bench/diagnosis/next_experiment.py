@@ -114,6 +114,9 @@ def _imagined(model: JointModel, like: Observed, plan: ExperimentPlan, gain: flo
         replay=Replay(start, events, t, float(goals[0])),
         channels=channels,
         goal=(t, goals),
+        posture_rad=(
+            None if like.posture_rad is None else like.posture_rad.mean(axis=0, keepdims=True)
+        ),
     )
 
 

@@ -16,6 +16,7 @@ from sim.drive import kernel
 from sim.rollout import Replay
 
 from .commands import drive_commands, supply_events
+from .posture import recorded_posture
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -65,6 +66,7 @@ class Observed:
     channels: Mapping[Channel, Samples]
     goal: tuple[Floats, Floats]  #: times [s] and goal positions [rad] as the controller got them
     registers: Mapping[str, int]  #: of the servo, as the metadata has them
+    posture_rad: Floats | None = None  #: of all joints of an arm, (n, joints), over the replay
 
     @property
     def position(self) -> Samples:
@@ -155,6 +157,7 @@ def _observe(
             .get("registers", {})
             .items()
         },
+        posture_rad=recorded_posture(recording, robot, origin, float(union[-1])),
     )
 
 

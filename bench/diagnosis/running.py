@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
+import numpy as np
+
 from bench.recording import Recording
 from busemu.tables import Robot
 from sim.effects import Effect
@@ -19,8 +21,12 @@ from .joint import JointFindings, diagnose_joint
 from .knobs import joint_effects
 from .observed import Observed, observe
 from .search import Progress
+from .together import together
 
 HELD_OUT_OF = 4  #: one group of so many judges, when nobody says which
+MOVING_QUANTA = 20.0  #: of the register: a joint of an arm that moves less is left out; assumed
+#: effects that move every body of an arm at once, as nothing would
+NOT_IN_ARMS = frozenset({"com_offset"})
 LEAST_GROUPS = 3  #: with fewer, all are used to fit, and the report says so
 
 
@@ -61,21 +67,44 @@ def diagnose(
     seed: int = 0,
     say: Progress = lambda _: None,
 ) -> list[JointFindings]:
-    """Diagnose every joint of a rig that the recordings speak of.
+    """Diagnose every joint of a rig or an arm that moves in the recordings, each on its own.
 
+    In an arm the load on a joint is what the recorded posture of the others makes of it.
     ``without`` names effects that are taken out of the catalogue. Raises :class:`DiagnosisError`,
     :class:`bench.recording.RecordingError` and :class:`sim.entries.PhysicsError`.
     """
     base = read_model(robot)
     effects = without_effects(without)
-    if len(base.joints) != 1:
+    if base.trunk is not None:
         raise DiagnosisError(
-            f"{robot.name} has {len(base.joints)} joints: this diagnosis is for rigs of one joint"
+            f"{robot.name} walks: this diagnosis is for rigs and arms on a fixed base"
         )
-    joint = base.joints[0].name
-    fitted = observe(parts.fitted, robot, joint)
-    judging: Sequence[Observed] = observe(parts.judging, robot, joint) if parts.judging else ()
-    return [diagnose_joint(base, robot, fitted, judging, effects=effects, seed=seed, say=say)]
+    if len(base.joints) > 1:
+        effects = {name: e for name, e in effects.items() if name not in NOT_IN_ARMS}
+    findings = []
+    for joint in (j.name for j in base.joints):
+        fitted = observe(parts.fitted, robot, joint)
+        if len(base.joints) > 1 and not any(moves(o) for o in fitted):
+            say(f"{joint} never moves: left out")
+            continue
+        judging: Sequence[Observed] = observe(parts.judging, robot, joint) if parts.judging else ()
+        told = say if len(base.joints) == 1 else _of_joint(joint, say)
+        findings.append(
+            diagnose_joint(base, robot, fitted, judging, effects=effects, seed=seed, say=told)
+        )
+    if not findings:
+        raise DiagnosisError(f"no joint of {robot.name} moves: record motions")
+    return findings
+
+
+def moves(observed: Observed) -> bool:
+    """Whether a joint moves by more in a recording than its register's rounding."""
+    samples = observed.position
+    return float(np.ptp(samples.value[samples.good])) > MOVING_QUANTA * samples.quantum
+
+
+def _of_joint(joint: str, say: Progress) -> Progress:
+    return lambda stage: say(f"{joint}: {stage}")
 
 
 def without_effects(names: Sequence[str]) -> Mapping[str, Effect]:
@@ -91,8 +120,7 @@ def without_effects(names: Sequence[str]) -> Mapping[str, Effect]:
 def write(robot: Robot, findings: Sequence[JointFindings], out: Path, on: date) -> None:
     """Write ``diagnosis.json`` and ``model.toml``, each whole or not at all."""
     out.mkdir(parents=True, exist_ok=True)
-    (only,) = findings
-    text = json.dumps(only.diagnosis.document(), indent=1, allow_nan=False, default=float)
+    text = json.dumps(together(findings).document(), indent=1, allow_nan=False, default=float)
     temporary = out / "diagnosis.json.part"
     temporary.write_text(text + "\n", "utf-8")
     os.replace(temporary, out / "diagnosis.json")
