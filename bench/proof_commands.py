@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from .proof.plan import Planned
     from .proof.running import Proof
 
+LINE_EVERY = 10  #: cases between two lines, where no terminal shows a bar
+
 
 def prove(
     seed: Annotated[int, typer.Option(min=0, help="Draws the cases; the same gives the same.")],
@@ -51,13 +53,15 @@ def prove(
     Ctrl-C keeps what is finished; the same command goes on from there. What is counted, and how,
     stands in docs/proof/rules.md.
     """
-    from .proof import rivals
-    from .proof.active import Active
-    from .proof.errors import ProofError
-    from .proof.plan import plan
-    from .proof.report import write_score
-    from .proof.running import Proof
-
+    try:
+        from .proof import rivals
+        from .proof.active import Active
+        from .proof.errors import ProofError
+        from .proof.plan import plan
+        from .proof.report import write_score
+        from .proof.running import Proof
+    except ModuleNotFoundError as error:
+        fail(f"prove needs {error.name}: pip install 'busemu[sim,bench,proof]'")
     if quick and cases is not None:
         fail("--quick has its own cases: leave --cases away")
     try:
@@ -143,12 +147,23 @@ def _tell_score(score: dict[str, Any]) -> None:
 
 @contextmanager
 def _bar(words: str, total: int, done: int = 0) -> Iterator[Callable[[int], None]]:
-    """Yield what takes how many are done; shows a bar with the rest time at a terminal."""
+    """Yield what takes how many are done; a bar with the rest time at a terminal, else lines."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as Rest
 
     console = Console(stderr=True)
+    if not console.is_terminal:
+        told = done
+
+        def tell(count: int) -> None:
+            nonlocal told
+            if count >= told + LINE_EVERY or (count == total and count > told):
+                told = count
+                typer.echo(f"{words}: {count} of {total}", err=True)
+
+        yield tell
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), Rest())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(words, total=total, completed=done)
