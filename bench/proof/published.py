@@ -21,7 +21,7 @@ FORMAT = "busemu-published/1"
 FILE = "published.json"
 #: packages that a diagnosis is made of; what writes the cases and what scores is not among them
 DIAGNOSER = ("busemu", "sim", "bench")
-NOT_DIAGNOSER = (Path("bench/blind"), Path("bench/proof"))
+NOT_DIAGNOSER = (Path("bench/blind"), Path("bench/proof"), Path("bench/proof_commands.py"))
 
 
 def write_json(path: Path, document: Any) -> None:
