@@ -17,6 +17,7 @@ from .contradiction import supply_contradiction
 from .fit import EDGE, Fit, block_rms, bounds, estimate_noise, fit
 from .floor import ENGINE_RAD, noise_floor, tolerance
 from .knobs import joint_effects
+from .lost import lost_samples
 from .model import Blocks, Hypothesis, JointModel, Kind
 from .next_experiment import next_experiments
 from .observed import Observed
@@ -54,12 +55,14 @@ def diagnose_joint(
     judged: Sequence[Observed] = (),
     *,
     effects: Mapping[str, Effect] | None = None,
+    glitches: bool = True,
     seed: int = 0,
     say: Progress = lambda _: None,
 ) -> JointFindings:
     """Diagnose one joint on ``observed`` recordings, judge it on ``judged`` ones.
 
-    ``base`` is what the operator believes; ``effects`` the catalogue to choose from.
+    ``base`` is what the operator believes; ``effects`` the catalogue to choose from;
+    ``glitches`` is whether ``lost_samples`` is of it.
     """
     effects = joint_effects() if effects is None else dict(effects)
     model = JointModel(base, robot, observed)
@@ -111,6 +114,8 @@ def diagnose_joint(
                 indistinguishable_from=tuple(close),
             )
         )
+    lost = lost_samples(observed, after.noise[Kind.POSITION].total) if glitches else None
+    causes += [lost] if lost else []
     rejected += supply_contradiction(model, after, say)
     say("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]

@@ -27,6 +27,7 @@ HELD_OUT_OF = 4  #: one group of so many judges, when nobody says which
 MOVING_QUANTA = 20.0  #: of the register: a joint of an arm that moves less is left out; assumed
 #: effects that move every body of an arm at once, as nothing would
 NOT_IN_ARMS = frozenset({"com_offset"})
+LOST = "lost_samples"  #: the effect that is seen in the data itself
 LEAST_GROUPS = 3  #: with fewer, all are used to fit, and the report says so
 
 
@@ -90,7 +91,16 @@ def diagnose(
         judging: Sequence[Observed] = observe(parts.judging, robot, joint) if parts.judging else ()
         told = say if len(base.joints) == 1 else _of_joint(joint, say)
         findings.append(
-            diagnose_joint(base, robot, fitted, judging, effects=effects, seed=seed, say=told)
+            diagnose_joint(
+                base,
+                robot,
+                fitted,
+                judging,
+                effects=effects,
+                glitches=LOST not in without,
+                seed=seed,
+                say=told,
+            )
         )
     if not findings:
         raise DiagnosisError(f"no joint of {robot.name} moves: record motions")
@@ -110,7 +120,7 @@ def _of_joint(joint: str, say: Progress) -> Progress:
 def without_effects(names: Sequence[str]) -> Mapping[str, Effect]:
     """The catalogue for one joint, less some effects. Raises :class:`DiagnosisError`."""
     effects = joint_effects()
-    if unknown := sorted(set(names) - set(effects)):
+    if unknown := sorted(set(names) - {*effects, LOST}):
         raise DiagnosisError(
             f"no effect named {unknown[0]!r} for one joint: use of {', '.join(sorted(effects))}"
         )
