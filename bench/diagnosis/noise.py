@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 
 LONGEST_MEMORY_S = 0.5  #: assumed: a misfit that lasts longer is none that noise explains
 SHORTEST_MEMORY_S = 0.004  #: assumed: faster than this is white at any rate a bus can sample
+ROUGH = {"maxiter": 40, "ftol": 1e-9, "eps": 1e-4}
+FINE = {"maxfev": 60, "xatol": 0.01, "fatol": 0.05}  #: wild samples leave kinks in the likelihood
 CLIP = 3.5  #: innovations beyond so many deviations count as linear, not square (Huber)
 
 
@@ -149,11 +151,9 @@ def estimate(
     def of(x: Floats) -> Noise:
         return Noise(math.exp(x[0]), math.exp(x[1]), math.exp(x[2]))
 
-    found = minimize(
-        lambda x: sum(cost(b, of(x)) for b in blocks),
-        np.clip(np.log([start.white, start.coloured, start.memory_s]), *np.transpose(box)),
-        method="L-BFGS-B",
-        bounds=box,
-        options={"maxiter": 40, "ftol": 1e-9, "eps": 1e-4},
-    )
-    return of(found.x)
+    def total(x: Floats) -> float:
+        return sum(cost(b, of(x)) for b in blocks)
+
+    first = np.clip(np.log([start.white, start.coloured, start.memory_s]), *np.transpose(box))
+    rough = minimize(total, first, method="L-BFGS-B", bounds=box, options=ROUGH)
+    return of(minimize(total, rough.x, method="Nelder-Mead", bounds=box, options=FINE).x)
