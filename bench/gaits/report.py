@@ -143,11 +143,12 @@ def comparisons(result: Result) -> tuple[Comparison, ...]:
     best = result.best
     if best is not None:
         margin = min(check.torque_margin for check in best.checks)
+        true = max(check.true_torque_of_stall for check in best.checks)
         rows.append(
             Comparison(
                 "torque of the best gait",
                 f"largest {max(c.torque_of_stall for c in best.checks):.2f} x stall, "
-                f"{margin:.0%} below the limit",
+                f"{margin:.0%} below the limit; with shocks, in the gear, {true:.2f}",
                 "below 0.75 x stall",
                 NOT_ITS,
             )

@@ -34,6 +34,8 @@ from .outcome import Job, Outcome
 Floats = NDArray[np.float64]
 
 OBSERVE_S = 0.01
+#: A robot that rests on more than its feet for longer than this share of a walk has not stood up.
+ON_BELLY = 0.5
 #: A walk that can be measured has a whole step after its start-up: so many periods at least.
 LEAST_PERIODS = 2.0
 
@@ -103,8 +105,10 @@ class Walker:
         span: tuple[float, float],
     ) -> Outcome:
         seen = eye.seen()
-        fell_s = eye.fell_s
         inside = (seen.t_s >= span[0]) & (seen.t_s <= span[1])
+        fell_s = eye.fell_s
+        if fell_s is None and np.mean(seen.belly_n[inside] > 0.0) > ON_BELLY:
+            fell_s = span[0]  # it never stood up
         steady = seen.t_s[(seen.t_s >= steady_from_s(job, span)) & (seen.t_s <= span[1])]
         whole = displacement(*(column[inside] for column in seen.path))
         speed = 0.0
@@ -165,6 +169,7 @@ class _Seen:
     y_m: Floats
     yaw_rad: Floats
     self_contact_n: Floats
+    belly_n: Floats  #: from the ground on all but the tibiae and feet
     torque_of_stall: Floats  #: the largest of all joints
     power_w: Floats
 
@@ -198,6 +203,7 @@ class _Eye:
                 seen["mocap/base_y_m"],
                 seen["mocap/base_yaw_rad"],
                 seen["contact/self_n"],
+                seen["contact/trunk_n"],
                 torque,
                 max(0.0, power_w),  # what braking servos give is taken by the others only
             )

@@ -1,0 +1,150 @@
+"""``busemu gait-search`` as a person types it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from bench.gaits.ledger import WALKS, Ledger
+from busemu.tables import load_robot
+
+HERE = Path(__file__).parent
+
+#: The command with walks that cost nothing but time, so that it can be stopped in the middle.
+SLOW = """
+import sys, time
+from pathlib import Path
+import bench.gaits.walking
+from pretended_walks import outcome
+
+class Slow:
+    def __init__(self, robot):
+        pass
+    def __call__(self, job, check):
+        for _ in range(int(sys.argv[1])):
+            time.sleep(0.01)
+            check()
+        return outcome(job)
+
+bench.gaits.walking.Walker = Slow
+sys.argv = ["busemu", "gait-search", "--robot", "marvin", *sys.argv[2:]]
+from busemu.cli import main
+main()
+"""
+
+
+def busemu(*words):
+    command = [sys.executable, "-m", "busemu", "gait-search", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+def started(pauses, *words):
+    path = os.pathsep.join([str(HERE), *sys.path])
+    return subprocess.Popen(
+        [sys.executable, "-c", SLOW, str(pauses), *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+
+
+def rows(out):
+    return max(0, len((out / WALKS).read_text().splitlines()) - 1) if (out / WALKS).exists() else 0
+
+
+def wait_for(condition):
+    until = time.monotonic() + 200.0
+    while not condition():
+        if time.monotonic() > until:
+            raise TimeoutError
+        time.sleep(0.05)
+
+
+def family(group):
+    """Living processes of a process group."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            state, _, of = (entry / "stat").read_text().rsplit(")", 1)[1].split()[:3]
+        except (OSError, IndexError, ValueError):
+            continue
+        if of == str(group) and state != "Z":
+            found.append(int(entry.name))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--robot", "nobody"], "no robot named 'nobody': use one of "),
+        (["--robot", "marvin", "--budget", "0"], "--budget"),
+        (["--robot", "marvin", "--seconds", "1"], "at least 2.4"),
+        (["--robot", "marvin", "--method", "guess"], "use cma or grid"),
+        (["--robot", "marvin", "--seed", "-1"], "--seed"),
+        (["--robot", "pendulum"], "this robot cannot walk"),
+        (["--robot", "marvin", "--model", "nowhere.toml"], "nowhere.toml: cannot be read"),
+    ],
+)
+def test_bad_words_get_one_clear_line_and_no_folder(words, says, tmp_path):
+    done = busemu(*words, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert says in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_model_of_another_robot_is_refused(tmp_path):
+    other = load_robot("phantomx").path
+    done = busemu("--robot", "marvin", "--model", other, "--out", tmp_path / "out")
+    assert done.returncode == 1
+    assert "is of phantomx, not of marvin" in done.stderr
+
+
+def test_a_search_says_what_to_look_at_and_what_to_do_next(tmp_path):
+    running = started(0, "--out", tmp_path, "--budget", "9", "--seconds", "2.4")
+    told, complained = running.communicate(timeout=300)
+    assert running.returncode == 0, complained
+    assert complained == ""
+    for words in ("look at ", "result.json", "landscape.png", "try next  busemu walk --robot"):
+        assert words in told
+    assert (tmp_path / "landscape.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_search_keeps_its_walks_and_leaves_no_process(ending, tmp_path):
+    running = started(100, "--out", tmp_path, "--budget", "500", "--seconds", "2.4")
+    try:
+        wait_for(lambda: rows(tmp_path) >= 2)
+        if ending is signal.SIGINT:
+            os.killpg(running.pid, ending)  # as a terminal does it
+        else:
+            running.send_signal(ending)
+        told, complained = running.communicate(timeout=200)
+    finally:
+        running.kill()
+    assert running.returncode == 130
+    assert complained == ""
+    assert "the same command goes on" in told
+    assert f"{rows(tmp_path)} walks are kept" in told
+    assert len(Ledger(tmp_path, load_robot("marvin"))) == rows(tmp_path)
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+    wait_for(lambda: not family(running.pid))
+
+
+def test_a_killed_search_leaves_whole_walks_and_no_process(tmp_path):
+    running = started(20, "--out", tmp_path, "--budget", "500", "--seconds", "2.4")
+    try:
+        wait_for(lambda: rows(tmp_path) >= 3)
+    finally:
+        running.kill()
+    running.communicate(timeout=200)
+    assert len(Ledger(tmp_path, load_robot("marvin"))) == rows(tmp_path) >= 3
+    wait_for(lambda: not family(running.pid))
