@@ -297,6 +297,16 @@ OWN_CODE = {
         def go_to(port, servo_id, count):
             PacketHandler(2.0).write1ByteTxRx(port, servo_id, 24, 1)
             PacketHandler(2.0).write2ByteTxRx(port, servo_id, 30, count)
+
+        def read_all(port):
+            found = {}
+            for servo_id in range(1, 19):
+                for _ in range(3):
+                    count, result, _ = PacketHandler(2.0).read2ByteTxRx(port, servo_id, 37)
+                    if result == 0:
+                        found[servo_id] = count
+                        break
+            return found
         """,
     "my_walk.py": """
         from dynamixel_sdk import GroupSyncRead, PacketHandler
