@@ -55,16 +55,16 @@ def logs(
         recorded(name, dict.fromkeys(registers), duration_s, condition, name, settings)
         for name in motions
     ]
-    one = model_of(drafts)
+    told = observe(drafts, robot(), JOINT, supply_from_register=False)
     reality = read_model(robot())
     for name, values in (truth or {}).items():
         reality = effect(name).apply(reality, (), effect(name).off | values)
-    real = JointModel(reality, robot(), one.observed)
+    real = JointModel(reality, robot(), told)
     soft = {"backlash", "joint_compliance"} & set(truth or {})
     assert not soft, "the recordings are of a rigid gear"
     none = np.zeros(len(real.nuisances))
     candidates = [real.candidate(Hypothesis(), none, r) for r in range(len(drafts))]
-    outs = Batch([o.replay for o in one.observed], 1).run(candidates, range(len(drafts)))
+    outs = Batch([o.replay for o in told], 1).run(candidates, range(len(drafts)))
     random = np.random.default_rng(seed)
     made = []
     for k, (name, out) in enumerate(zip(motions, outs, strict=True)):

@@ -1,0 +1,225 @@
+"""From recorded writes and reads to what a controller was told and what was seen."""
+
+import math
+
+import numpy as np
+import pytest
+from pendulum_logs import (
+    CONDITION,
+    DUTY,
+    JOINT,
+    POSITION,
+    ROBOT,
+    SERVO,
+    VOLTS,
+    access,
+    logs,
+    raw_access,
+    recorded,
+    robot,
+)
+
+from bench.diagnosis.commands import drive_commands, recording_baud_rate, supply_events
+from bench.diagnosis.observed import LEAST_SAMPLES, Channel, lonely, observe
+from bench.recording import Recording, RecordingError
+from sim.drive import kernel
+
+COUNTS_A_TURN = 4096
+
+
+def told(rows, settings=None, origin_s=0.0):
+    table = robot().tables[SERVO]
+    metadata = {"name": "w", "robot": ROBOT, "source": "simulation", "condition": dict(CONDITION)}
+    if settings:
+        metadata["servo"] = {str(SERVO): {"registers": settings}}
+    reads = [access(table, 0.001 + 0.1 * k, "read", POSITION, 0.2) for k in range(3)]
+    recording = Recording.of(sorted([*rows, *reads], key=lambda row: row.t_s), metadata)
+    none = np.zeros(0)
+    return drive_commands(recording, robot().by_joint[JOINT], table, none, none, origin_s)
+
+
+def write(t_s, name, raw):
+    return raw_access(t_s, "write", name, raw)
+
+
+def gain_of(raw):
+    """Duty per rad of a P gain register."""
+    return raw * float(robot().tables[SERVO].drive["position_p_gain_duty_per_rad"])
+
+
+@pytest.mark.parametrize("raw", [100, 400, 900])
+def test_the_gain_register_of_the_metadata_is_the_position_laws_gain(raw):
+    start, _ = told([write(0.5, "goal_position", 2048)], {"position_p_gain": raw})
+    assert start[kernel.GAIN_CW] == pytest.approx(gain_of(raw), rel=1e-3)
+    assert start[kernel.GAIN_CCW] == start[kernel.GAIN_CW]
+
+
+def test_a_written_gain_comes_when_it_was_written():
+    rows = [write(0.3, "position_p_gain", 800), write(0.4, "goal_position", 3000)]
+    start, changes = told(rows)
+    assert start[kernel.GAIN_CW] == pytest.approx(gain_of(400), rel=1e-3)
+    gains = changes[changes[:, 1] == kernel.GAIN_CW]
+    assert gains[:, 0] == pytest.approx([0.3])
+    assert gains[:, 2] == pytest.approx(gain_of(800), rel=1e-3)
+
+
+def test_goals_are_in_rad_from_the_centre_of_the_range():
+    rows = [write(0.2 * (k + 1), "goal_position", 2048 + 100 * k) for k in range(3)]
+    _, changes = told(rows)
+    goals = changes[changes[:, 1] == kernel.GOAL_POSITION]
+    at = {round(t, 6): value for t, _, value in goals.tolist()}
+    assert at[0.4] == pytest.approx(100 * 2.0 * math.pi / COUNTS_A_TURN)
+    assert at[0.6] == pytest.approx(200 * 2.0 * math.pi / COUNTS_A_TURN)
+
+
+def test_torque_off_and_on_are_events():
+    rows = [
+        write(0.1, "torque_enable", 1),
+        write(0.3, "torque_enable", 0),
+        write(0.5, "torque_enable", 1),
+    ]
+    start, changes = told(rows)
+    assert start[kernel.ENABLED] == 0.0
+    enabled = changes[changes[:, 1] == kernel.ENABLED]
+    assert enabled[:, 0] == pytest.approx([0.1, 0.3, 0.5])
+    assert enabled[:, 2].tolist() == [1.0, 0.0, 1.0]
+
+
+def test_a_servo_of_which_nothing_is_told_was_switched_on_before():
+    start, _ = told([write(0.5, "goal_position", 2048)])
+    assert start[kernel.ENABLED] == 1.0
+
+
+def test_what_was_written_before_the_beginning_is_in_the_start():
+    rows = [write(0.1, "goal_position", 2500), write(0.9, "goal_position", 2600)]
+    start, changes = told(rows, origin_s=0.5)
+    assert start[kernel.GOAL_POSITION] == pytest.approx(452 * 2.0 * math.pi / COUNTS_A_TURN)
+    assert changes[:, 0] == pytest.approx([0.4])
+
+
+def test_a_write_that_changes_nothing_is_no_event():
+    rows = [write(0.1 * k, "goal_position", 2100) for k in range(1, 6)]
+    _, changes = told(rows)
+    assert len(changes) == 1
+
+
+def test_registers_that_only_read_are_not_written():
+    rows = [write(0.2, POSITION, 3000), write(0.3, "goal_position", 2100)]
+    _, changes = told(rows)
+    assert (changes[:, 0] == 0.3).all()
+
+
+def test_a_recorded_voltage_is_the_supply():
+    rows = supply_events(np.array([0.1, 0.2]), np.array([5.0, 4.8]))
+    assert rows.tolist() == [
+        [0.1, kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 5.0],
+        [0.2, kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 4.8],
+    ]
+
+
+def test_the_baud_rate_is_the_robots_unless_the_recording_tells():
+    (recording,) = logs(motions=["slow"], duration_s=0.5)
+    assert recording_baud_rate(recording) == robot().baud_rate
+    told = Recording.of([write(0.0, "goal_position", 2048)], {"name": "b", "robot": ROBOT})
+    other = {"name": "b", "robot": ROBOT, "bus": {"baud_rate": 57600}}
+    assert recording_baud_rate(told) == robot().baud_rate
+    assert recording_baud_rate(Recording.of([write(0.0, "goal_position", 2048)], other)) == 57600
+
+
+# --- what was seen
+
+
+def test_every_channel_finds_its_samples_among_the_replays():
+    (recording,) = logs(motions=["slow"], registers=(POSITION, DUTY, VOLTS))
+    (one,) = observe([recording], robot(), JOINT)
+    for channel in Channel:
+        samples = one.channels[channel]
+        assert (one.replay.samples[samples.index] == samples.t_s).all()
+        assert samples.good.all()
+    assert (np.diff(one.replay.samples) > 0.0).all()
+    assert (np.diff(one.replay.events[:, 0]) >= 0.0).all()
+
+
+def test_a_voltage_that_was_read_feeds_the_replay_from_the_start():
+    (recording,) = logs(motions=["slow"], registers=(POSITION, VOLTS))
+    (one,) = observe([recording], robot(), JOINT)
+    volts = one.replay.events[one.replay.events[:, 1] >= kernel.SUPPLY_EVENT]
+    assert volts[0, 0] == 0.0
+    assert volts[:, 2] == pytest.approx(one.channels[Channel.VOLTAGE].value)
+    (without,) = observe([recording], robot(), JOINT, supply_from_register=False)
+    assert (without.replay.events[:, 1] < kernel.SUPPLY_EVENT).all()
+
+
+def test_a_recording_of_too_few_positions_is_left_out_and_of_none_refused():
+    few = recorded("slow", {POSITION: None}, 0.01 * (LEAST_SAMPLES - 1), CONDITION, "few")
+    enough = recorded("slow", {POSITION: None}, 0.01 * LEAST_SAMPLES, CONDITION, "enough")
+    assert [o.group for o in observe([few, enough], robot(), JOINT)] == ["enough"]
+    with pytest.raises(RecordingError, match=f"no recording has {LEAST_SAMPLES} positions"):
+        observe([few], robot(), JOINT)
+
+
+def test_the_goal_is_what_the_controller_got():
+    (recording,) = logs(motions=["steps"])
+    (one,) = observe([recording], robot(), JOINT)
+    t_s, goal = one.goal
+    assert t_s[0] == 0.0
+    assert np.ptp(goal) == pytest.approx(1.6, abs=2e-3)
+
+
+def test_a_joint_that_moves_at_the_beginning_has_its_speed():
+    table = robot().tables[SERVO]
+    rows = []
+    for k in range(60):
+        rows.append(access(table, 0.02 * k, "write", "goal_position", 0.0))
+        rows.append(access(table, 0.02 * k + 0.004, "read", POSITION, 1.5 * 0.02 * k))
+    metadata = {"name": "m", "robot": ROBOT, "condition": dict(CONDITION)}
+    (one,) = observe([Recording.of(rows, metadata)], robot(), JOINT)
+    assert one.replay.velocity_rad_s == pytest.approx(1.5, rel=0.02)
+    (still,) = observe(logs(motions=["slow"]), robot(), JOINT)
+    assert still.replay.velocity_rad_s == 0.0
+
+
+# --- values that stand alone
+
+QUANTUM = 2.0 * math.pi / COUNTS_A_TURN
+
+
+def counted(values):
+    return np.round(values / QUANTUM) * QUANTUM
+
+
+@pytest.mark.parametrize("size", [-2.0, 0.1, 0.5, 3.0])
+def test_glitches_are_found_and_nothing_else(size):
+    values = counted(0.3 * np.sin(np.linspace(0.0, 6.0, 300)))
+    planted = [40, 111, 250]
+    values[planted] += size
+    assert np.flatnonzero(~lonely(values, QUANTUM)).tolist() == planted
+
+
+def test_a_failed_read_that_was_logged_as_a_constant_is_found():
+    values = counted(1.0 + 0.3 * np.sin(np.linspace(0.0, 6.0, 300)))
+    values[::60] = 0.0
+    assert set(np.flatnonzero(~lonely(values, QUANTUM))) >= set(range(60, 300, 60))
+
+
+@pytest.mark.parametrize("height", [0.1, 1.0, 3.0])
+def test_steps_stay(height):
+    values = np.zeros(200)
+    values[77:] = height
+    values[150:] = -height
+    assert lonely(values, QUANTUM).all()
+
+
+def test_motion_stays_however_fast():
+    t = np.linspace(0.0, 3.0, 300)
+    for omega in (1.0, 10.0, 30.0):
+        assert lonely(counted(np.sin(omega * t)), QUANTUM).all()
+
+
+def test_noise_of_some_counts_stays():
+    noise = QUANTUM * np.round(2.0 * np.random.default_rng(1).normal(size=2000))
+    assert lonely(noise, QUANTUM).mean() > 0.999
+
+
+def test_a_handful_of_values_are_all_good():
+    assert lonely(np.array([0.0, 9.0, 0.0]), QUANTUM).all()

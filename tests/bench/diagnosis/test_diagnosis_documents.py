@@ -1,0 +1,276 @@
+"""What a diagnosis leaves: a document that is JSON, and a better model that loads."""
+
+import json
+from datetime import date
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pendulum_logs import CONDITION, JOINT, POSITION, access, logs, model_of, robot
+
+from bench.diagnosis.fit import FARTHEST, Fit, block_rms, estimate_noise
+from bench.diagnosis.improved import write_improved
+from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.knobs import NUISANCES, effect_knobs, joint_effects
+from bench.diagnosis.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.next_experiment import GAINS, menu, next_experiments, separable
+from bench.diagnosis.observed import observe
+from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES
+from bench.diagnosis.running import diagnose, split, write
+from bench.motions import MOTIONS as MENU
+from bench.recording import Recording
+from busemu.tables import load_robot
+from sim.effects import catalogue, effect
+from sim.model import read_model
+
+ON = date(2026, 1, 2)
+KNOWN = ("dead_zone", "load_friction")
+MARGIN_RAD = 0.015
+OTHERS = sorted(set(joint_effects()) - set(KNOWN))
+
+
+def diagnosed(truth):
+    return diagnose(robot(), split(logs(truth)), without=OTHERS)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return diagnosed({"dead_zone": {"margin_rad": MARGIN_RAD}})
+
+
+@pytest.fixture(scope="module")
+def null():
+    return diagnosed({})
+
+
+def written(findings, folder):
+    write(robot(), findings, folder, ON)
+    text = (folder / "diagnosis.json").read_text("utf-8")
+    return json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in JSON"))
+
+
+def test_a_planted_effect_is_named_with_its_size(found, tmp_path):
+    document = written(found, tmp_path)
+    assert document["verdict"] == "explained"
+    (cause,) = document["causes"]
+    assert cause["effect"] == "dead_zone"
+    assert cause["scope"] == [JOINT]
+    assert cause["kind"] == "missing"
+    told = cause["parameters"]["margin_rad"]
+    assert told["value"] == pytest.approx(MARGIN_RAD, rel=0.05)
+    assert told["ci95"][0] <= told["value"] <= told["ci95"][1]
+    assert told["unit"] == "rad"
+    assert cause["held_out_gain_nats"] > 0.0
+    assert cause["explained_share"] > 0.8
+    assert 0.0 <= cause["probability"] <= 1.0
+
+
+def test_a_null_is_consistent_and_names_nothing(null, tmp_path):
+    document = written(null, tmp_path)
+    assert document["verdict"] == "consistent"
+    assert document["causes"] == document["mismatch"] == document["unexplained"] == []
+
+
+@pytest.mark.parametrize("which", ["found", "null"])
+def test_the_document_has_the_keys_of_its_format(which, request, tmp_path):
+    document = written(request.getfixturevalue(which), tmp_path)
+    assert document["format"] == FORMAT
+    assert document["verdict"] in VERDICTS
+    wanted = {
+        "mismatch": list,
+        "causes": list,
+        "fit": dict,
+        "unexplained": list,
+        "next_experiment": list,
+        "limits": list,
+    }
+    for key, kind in wanted.items():
+        assert isinstance(document[key], kind), key
+    fit = document["fit"]
+    assert fit["metric"] == "rmse_rad"
+    assert fit["held_out"] is True
+    assert len(fit["recordings"]) == 1
+    assert fit["before"] >= 0.9 * fit["after"] > 0.0
+    for place in document["mismatch"]:
+        assert set(place) >= {"channel", "joints", "phase", "share", "p_value"}
+        assert 0.0 <= place["p_value"] <= 1.0
+    for row in document["channels"]:
+        assert row["rms_after"] >= 0.0
+
+
+def test_the_fit_is_better_where_it_was_not_fitted(found):
+    (only,) = found
+    summary = only.diagnosis.fit
+    assert set(summary.recordings) == {o.name for o in only.judge.observed}
+    assert not set(summary.recordings) & {o.name for o in only.model.observed}
+    assert summary.after < 0.3 * summary.before
+
+
+def test_a_file_is_whole_or_not_there(found, tmp_path):
+    write(robot(), found, tmp_path / "new" / "place", ON)
+    names = {path.name for path in (tmp_path / "new" / "place").iterdir()}
+    assert names == {"diagnosis.json", "model.toml"}
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="joint._channels takes the deviation of a kind that was read but has no residuals "
+    "(a load register that never changes): NaN, and running.write ends in a ValueError",
+)
+def test_a_load_register_that_never_changes_can_be_written(tmp_path):
+    """On an AX-12A only changes of it count, and there is none."""
+    rig = load_robot("pendulum")
+    table = rig.tables[1]
+    rows = []
+    for k in range(60):
+        t_s = 0.02 * k
+        rows.append(access(table, t_s, "write", "goal_position", 0.0))
+        rows.append(access(table, t_s + 0.004, "read", POSITION, 0.0))
+        rows.append(access(table, t_s + 0.005, "read", "present_load", 0.0))
+    metadata = {"name": "still", "robot": "pendulum", "condition": {"payload_kg": 0.1}}
+    (one,) = observe([Recording.of(rows, metadata)], rig, JOINT)
+    findings = diagnose_joint(read_model(rig), rig, [one], effects={"punch": effect("punch")})
+    write(rig, [findings], tmp_path, ON)
+
+
+def test_what_says_that_a_number_was_wrong_is_in_the_catalogue():
+    assert set(catalogue()) >= WRONG_VALUES
+    assert "backlash" not in WRONG_VALUES
+
+
+# --- the better model
+
+
+def residual(model, hypothesis, z):
+    return block_rms(model.residuals(hypothesis, [z])[0], Kind.POSITION)
+
+
+def loaded(findings, path):
+    """The same recordings under the model that was written."""
+    write_improved(robot(), findings, path, ON)
+    better = load_robot(path)
+    recordings = [o for f in findings for o in f.model.observed]
+    model = JointModel(read_model(better), better, recordings)
+    return better, model
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="improved._nuisances leaves out what is below WORTH and what no effect stands for, one "
+    "by one; here supply and link are written and what balances them (payload, load_inertia, "
+    "viscous_level, back_emf) is not: 1.35 mrad where the report says 0.43",
+)
+def test_the_better_model_leaves_what_the_fit_left(found, tmp_path):
+    (only,) = found
+    _, again = loaded(found, tmp_path / "model.toml")
+    left = residual(only.model, only.after.hypothesis, only.after.z)
+    none = np.zeros(len(again.nuisances))
+    assert residual(again, Hypothesis(), none) == pytest.approx(left, rel=0.01)
+
+
+def test_the_better_model_says_where_its_numbers_come_from(found, tmp_path):
+    better, _ = loaded(found, tmp_path / "model.toml")
+    effects = {e["name"]: e for e in better.document["effect"]}
+    told = effects["dead_zone"]["parameters"]["margin_rad"]
+    assert ON.isoformat() in told["source"]
+    for group in {o.group for o in found[0].model.observed}:
+        assert group in told["source"]
+    assert told["ci95"][0] <= told["value"] <= told["ci95"][1]
+
+
+OWN = ("torque_constant", "coulomb_level", "viscous_level", "rotor_level", "link", "zero", "supply")
+LOST = pytest.mark.xfail(
+    strict=True, reason="improved._nuisances leaves back_emf out, which is the robot's own"
+)
+
+
+def loaded_with(name, z, path, condition=CONDITION):
+    """A model with one nuisance on, and the one that was written and loaded."""
+    model = model_of(logs(motions=["swell", "fast"], condition=condition))
+    vector = np.zeros(len(model.nuisances))
+    vector[[n.name for n in model.nuisances].index(name)] = z
+    after = Fit(Hypothesis(), vector, {}, 0.0)
+    diagnosis = SimpleNamespace(causes=())
+    found = SimpleNamespace(model=model, after=after, diagnosis=diagnosis)
+    return model, vector, loaded([found], path)[1]
+
+
+@pytest.mark.parametrize("z", [-FARTHEST, FARTHEST])
+@pytest.mark.parametrize("name", [n.name for n in NUISANCES])
+def test_whatever_a_fit_may_take_can_be_written_and_loaded(name, z, tmp_path):
+    loaded_with(name, z, tmp_path / "model.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "z"),
+    [
+        *((name, 1.0) for name in (*OWN, "gain", "sampling")),
+        *((name, -1.0) for name in (*OWN, "gain")),
+        pytest.param("back_emf", 1.0, marks=LOST),
+    ],
+)
+def test_a_nuisance_that_is_the_robots_is_in_the_better_model(name, z, tmp_path):
+    """As an effect: the residuals are those with the nuisance."""
+    light = {"payload_kg": 0.0 if name == "link" else 0.15}  # else the arm is next to nothing
+    path = tmp_path / "model.toml"
+    model, vector, again = loaded_with(name, z, path, dict(CONDITION) | light)
+    none = np.zeros(len(vector))
+    before = model.residuals(Hypothesis(), [none])[0]
+    wanted = model.residuals(Hypothesis(), [vector])[0]
+    got = again.residuals(Hypothesis(), [none])[0]
+    for key, block in wanted.items():
+        moved = np.abs(block.value - before[key].value).max()
+        if key[1] is Kind.POSITION:
+            assert moved > 0.0
+        assert np.abs(got[key].value - block.value).max() <= 0.01 * moved
+
+
+# --- the next experiment
+
+
+@pytest.fixture(scope="module")
+def small():
+    return model_of(logs(motions=["slow"]))
+
+
+def fit_at(model, name, z):
+    knobs = effect_knobs(effect(name))
+    vector = np.append(np.zeros(len(model.nuisances)), z)
+    hypothesis = Hypothesis(knobs)
+    blocks = model.residuals(hypothesis, [vector])[0]
+    return Fit(hypothesis, vector, estimate_noise(model, blocks), 0.0)
+
+
+def test_the_menu_has_every_motion_at_every_gain(small):
+    plans = [choice.plan for choice in menu(small)]
+    assert {plan.motion.name for plan in plans} == set(MENU)
+    assert len(plans) == len(MENU) * len(GAINS)
+    for choice in menu(small):
+        t = choice.observed.replay.events[:, 0]
+        assert (np.diff(t) >= 0.0).all()
+
+
+def test_an_experiment_is_proposed_for_every_rival_and_tells_its_power(small):
+    named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "transport_delay", 2.0)
+    (one,) = next_experiments(small, named, {"transport_delay": other}, 1.0)
+    assert set(one.separates) == {"dead_zone", "transport_delay"}
+    assert 0.9 < one.power <= 1.0
+    json.dumps(one.arguments, allow_nan=False)
+    assert separable([one])
+    assert next_experiments(small, named, {}, 1.0) == []
+
+
+def test_what_is_the_same_is_told_apart_by_nothing(small):
+    named = fit_at(small, "dead_zone", 2.0)
+    (one,) = next_experiments(small, named, {"dead_zone": named}, 1.0)
+    assert one.power == pytest.approx(0.5)
+    assert not separable([one])
+
+
+def test_less_certain_data_has_less_power(small):
+    named, other = fit_at(small, "dead_zone", 0.3), fit_at(small, "dead_zone", 0.25)
+    sure, unsure = (
+        next_experiments(small, named, {"punch": other}, inflation)[0].power
+        for inflation in (1.0, 25.0)
+    )
+    assert 0.5 <= unsure < sure

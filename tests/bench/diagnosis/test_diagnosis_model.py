@@ -1,0 +1,233 @@
+"""Residuals of a joint: what a model leaves of recordings, and what a fit finds in them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pendulum_logs import CONDITION, DUTY, POSITION, VOLTS, logs, model_of
+
+from bench.diagnosis.fit import (
+    block_costs,
+    bounds,
+    estimate_noise,
+    fit,
+    linearise,
+    prior_cost,
+    score,
+    steps,
+)
+from bench.diagnosis.joint import estimates
+from bench.diagnosis.knobs import effect_knobs
+from bench.diagnosis.model import INSTANT_S, Hypothesis, Kind
+from bench.diagnosis.search import covariances
+from sim.effects import effect
+from sim.stepped import TICK_S
+
+
+def blocks_of(model, z=None, hypothesis=None):
+    z = np.zeros(len(model.nuisances)) if z is None else z
+    return model.residuals(hypothesis or Hypothesis(), [z])[0]
+
+
+@pytest.fixture(scope="module")
+def null():
+    """The model's own output, counted as registers count."""
+    return model_of(logs())
+
+
+def having(name):
+    return Hypothesis(effect_knobs(effect(name)))
+
+
+def test_what_a_model_leaves_of_its_own_output_is_rounding(null):
+    for (r, kind), block in blocks_of(null).items():
+        if kind is Kind.POSITION:
+            quantum = null.observed[r].position.quantum
+            assert np.abs(block.value).max() <= 0.5 * quantum * (1.0 + 1e-6)
+            assert np.std(block.value) > 0.1 * quantum  # it is rounding, not nothing
+
+
+def test_the_controller_along_counted_angles_is_off_by_counts_only(null):
+    gain = max(null.observed[0].replay.start[7:9])
+    for (r, kind), block in blocks_of(null).items():
+        if kind is Kind.DUTY:
+            samples = null.observed[r].channels[kind.channel]
+            rounding = 0.5 * samples.quantum + gain * null.observed[r].position.quantum
+            quiet = block.extra < np.median(block.extra)
+            assert np.abs(block.value[quiet]).max() < 2.0 * rounding
+
+
+def test_the_voltage_of_a_model_is_its_own_within_a_count():
+    model = model_of(logs(registers=(POSITION, DUTY, VOLTS)))
+    kinds = {kind for _, kind in blocks_of(model)}
+    assert kinds == set(Kind)
+    for (r, kind), block in blocks_of(model).items():
+        if kind is Kind.VOLTAGE:
+            quantum = model.observed[r].channels[kind.channel].quantum
+            assert np.quantile(np.abs(block.value), 0.9) < quantum
+
+
+def test_residuals_are_recorded_less_modelled(null):
+    """A sensor that reads more, in the model only: the residual is as much less."""
+    (k,) = [k for k, n in enumerate(null.nuisances) if n.name == "zero"]
+    z = np.zeros(len(null.nuisances))
+    z[k] = 1.0
+    before, after = blocks_of(null), blocks_of(null, z)
+    moved = [after[r, Kind.POSITION].value - before[r, Kind.POSITION].value for r in range(4)]
+    # held by the position law, the joint goes where it reads as before; gravity moves a bit
+    assert max(np.abs(m).max() for m in moved) < null.nuisances[k].deviation
+    assert all(np.abs(m).max() > 1e-5 for m in moved)
+
+
+def test_many_vectors_give_what_each_gives_alone(null):
+    random = np.random.default_rng(3)
+    vectors = [random.normal(size=len(null.nuisances)) for _ in range(3)]
+    together = null.residuals(Hypothesis(), vectors)
+    for z, blocks in zip(vectors, together, strict=True):
+        for key, block in blocks_of(null, z).items():
+            assert (block.value == blocks[key].value).all()
+
+
+def test_some_recordings_give_what_they_give_among_all(null):
+    some = null.residuals(Hypothesis(), [np.zeros(len(null.nuisances))], [2])[0]
+    assert {r for r, _ in some} == {2}
+    for key, block in some.items():
+        assert (block.value == blocks_of(null)[key].value).all()
+
+
+def test_a_fast_joint_is_less_sure_of_its_samples(null):
+    for r in range(4):
+        block = blocks_of(null)[r, Kind.POSITION]
+        position = null.observed[r].position.value
+        speed = np.abs(np.gradient(position, null.observed[r].position.t_s))
+        fastest = np.argmax(np.convolve(speed, np.ones(5) / 5.0, mode="same"))
+        assert block.extra[fastest] == pytest.approx((speed.max() * INSTANT_S) ** 2, rel=0.5)
+        assert block.extra[:5].max() < 0.1 * block.extra.max()
+
+
+def test_glitches_are_no_residuals():
+    recordings = logs(motions=["slow"])
+    model = model_of(recordings)
+    (one,) = model.observed
+    position = one.position
+    bad = position.good.copy()
+    bad[[50, 120]] = False
+    channels = dict(one.channels) | {Kind.POSITION.channel: replace(position, good=bad)}
+    model.observed = (replace(one, channels=channels),)
+    assert len(blocks_of(model)[0, Kind.POSITION].value) == len(position.value) - 2
+
+
+def test_only_the_controllers_own_numbers_turn_the_duty(null):
+    names = [n.name for n in null.nuisances]
+    hypothesis = having("dead_zone") + effect_knobs(effect("load_friction"))
+    z = np.zeros(len(names) + len(hypothesis.knobs))
+    base = null.residuals(hypothesis, [z])[0]
+    for k, size in enumerate(steps(null, hypothesis, z).tolist()):
+        moved = z.copy()
+        moved[k] += size
+        blocks = null.residuals(hypothesis, [moved])[0]
+        turned = any(
+            (blocks[r, Kind.DUTY].value != base[r, Kind.DUTY].value).any() for r in range(4)
+        )
+        assert turned is null.turns_controller(hypothesis, k), k
+
+
+def test_the_jacobian_is_how_whitened_residuals_move(null):
+    hypothesis = having("load_friction")
+    z = np.append(np.zeros(len(null.nuisances)), 0.5)
+    noise = estimate_noise(null, blocks_of(null))
+    residual, jacobian = linearise(null, hypothesis, z, noise)
+    step = np.zeros(len(z))
+    step[-1] = 0.05
+    moved, _ = linearise(null, hypothesis, z + step, noise)
+    predicted = residual + jacobian @ step
+    assert np.linalg.norm(moved - predicted) < 0.2 * np.linalg.norm(moved - residual)
+
+
+def test_steps_of_differences_stay_within_bounds(null):
+    hypothesis = having("gain_error") + effect_knobs(effect("transport_delay"))
+    _, high = bounds(null, hypothesis)
+    z = high.copy()
+    low, _ = bounds(null, hypothesis)
+    size = steps(null, hypothesis, z)
+    inside = low < high
+    assert (z + size <= high)[inside].all()
+    assert (size[inside] < 0.0).all()
+
+
+# --- fits
+
+
+def fitted(name, truth, registers=(POSITION, DUTY), start=0.5, **more):
+    model = model_of(logs({name: truth}, registers=registers, **more))
+    hypothesis = having(name)
+    z = np.append(np.zeros(len(model.nuisances)), np.full(len(hypothesis.knobs), start))
+    return model, fit(model, hypothesis, z)
+
+
+@pytest.mark.parametrize(
+    ("name", "truth"),
+    [
+        ("gain_error", {"scale": 1.3}),
+        ("transport_delay", {"delay_s": 0.03}),
+        ("load_friction", {"ratio": 0.25}),
+        ("dead_zone", {"margin_rad": 0.012}),
+    ],
+)
+def test_a_fit_finds_what_was_planted(name, truth):
+    model, found = fitted(name, truth)
+    told = estimates(model, found, name)
+    for parameter, value in truth.items():
+        one = told[parameter]
+        assert one.value == pytest.approx(value, rel=0.05)
+        low, high = one.ci95
+        assert low <= one.value <= high
+        # counts leave it a little beside: within twice the interval
+        assert abs(one.value - value) <= high - low
+    # nothing is left to find but rounding, and a delay is one of whole ticks
+    floor = model.observed[0].position.quantum / np.sqrt(12.0)
+    if name == "transport_delay":
+        speeds = [np.gradient(o.position.value, o.position.t_s) for o in model.observed]
+        floor += TICK_S * np.sqrt(np.mean(np.concatenate(speeds) ** 2))
+    squares = score(model, found, range(4))
+    rms = np.sqrt(squares.squares[Kind.POSITION] / squares.count[Kind.POSITION])
+    assert rms < 1.5 * floor
+
+
+def test_a_fit_is_never_worse_than_where_it_started(null):
+    start = np.random.default_rng(1).normal(size=len(null.nuisances))
+    found = fit(null, Hypothesis(), start)
+    noise = estimate_noise(null, blocks_of(null, start))
+    first = sum(block_costs(blocks_of(null, start), noise).values())
+    assert found.cost <= first + prior_cost(null, start)
+
+
+def test_a_fit_stays_within_bounds(null):
+    low, high = bounds(null, having("torque_limit"))
+    found = fit(null, having("torque_limit"), np.full(len(low), 3.0))
+    assert (found.z >= low).all()
+    assert (found.z <= high).all()
+
+
+def test_on_its_own_output_a_fit_leaves_the_nuisances_alone(null):
+    found = fit(null, Hypothesis(), np.zeros(len(null.nuisances)))
+    assert np.abs(found.z).max() < 0.5
+
+
+def test_the_sandwich_is_near_what_the_likelihood_believes_on_a_null(null):
+    found = fit(null, Hypothesis(), np.zeros(len(null.nuisances)))
+    believed, sandwich = covariances(null, found)
+    assert believed == pytest.approx(believed.T)
+    assert (np.diag(believed) <= 1.0 + 1e-6).all()  # never wider than the prior
+    ratio = np.diag(sandwich) / np.diag(believed)
+    assert np.median(ratio) < 3.0
+
+
+def test_recordings_of_one_condition_share_what_hangs_there():
+    heavy = dict(CONDITION) | {"payload_kg": 0.3}
+    model = model_of(logs(motions=["slow"]) + logs(motions=["slow"], condition=heavy))
+    z = np.zeros(len(model.nuisances))
+    light, loaded = (model.candidate(Hypothesis(), z, r) for r in range(2))
+    extra = 0.15 * 9.81 * 0.1
+    assert loaded.load.sine_nm - light.load.sine_nm == pytest.approx(extra, rel=1e-6)
+    assert loaded.payload.sine_nm - light.payload.sine_nm == pytest.approx(extra, rel=1e-6)

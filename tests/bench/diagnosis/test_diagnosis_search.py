@@ -1,0 +1,243 @@
+"""Which effects: the right one of a few, none on a null; groups stay whole."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pendulum_logs import DUTY, POSITION, logs, model_of
+
+from bench.diagnosis.fit import Score, fit
+from bench.diagnosis.floor import tolerance
+from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
+from bench.diagnosis.model import Hypothesis, Kind
+from bench.diagnosis.rivals import CLOSE, rivals
+from bench.diagnosis.running import (
+    HELD_OUT_OF,
+    LEAST_GROUPS,
+    DiagnosisError,
+    split,
+    without_effects,
+)
+from bench.diagnosis.search import (
+    NEEDED,
+    NUMBER_NATS,
+    Gain,
+    folds,
+    grow,
+    held_out,
+    ranked,
+    screen,
+    starts,
+    vectors_to_try,
+)
+from sim.effects import effect
+
+KNOWN = ("load_friction", "transport_delay", "dead_zone", "torque_limit")
+TRUTHS = {
+    "load_friction": {"ratio": 0.3},
+    "transport_delay": {"delay_s": 0.03},
+    "dead_zone": {"margin_rad": 0.015},
+}
+EFFECTS = {name: effect(name) for name in KNOWN}
+
+
+def quiet(_):
+    pass
+
+
+def base_of(model):
+    return fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+
+
+def grown(truth, registers=(POSITION, DUTY)):
+    model = model_of(logs(truth, registers=registers))
+    base = base_of(model)
+    quantum = model.observed[0].position.quantum
+    floors = {kind: noise.total for kind, noise in base.noise.items()}
+    floors[Kind.POSITION] = tolerance(quantum / np.sqrt(12.0))
+    return model, base, grow(model, base, dict(EFFECTS), quiet, floors, most=2)
+
+
+@pytest.mark.parametrize("name", TRUTHS)
+def test_the_search_names_what_was_planted(name):
+    _, base, (found, taken, confirmed) = grown({name: TRUTHS[name]})
+    assert found.hypothesis.effects == (name,)
+    (gain,) = taken
+    assert gain.effect == name
+    assert gain.deflated >= NEEDED
+    assert gain.held_out.nats > 0.0
+    assert found.cost < base.cost - NEEDED
+    assert {g.effect for g in confirmed} <= set(KNOWN)
+
+
+def test_the_search_names_nothing_on_a_null():
+    _, base, (found, taken, _) = grown({})
+    assert taken == []
+    assert found is base
+
+
+def test_rivals_are_on_one_scale():
+    model, _, (found, _, confirmed) = grown({"load_friction": TRUTHS["load_friction"]})
+    probability, close, fits, without = rivals(
+        model, found, "load_friction", EFFECTS, confirmed, quiet
+    )
+    assert 0.5 < probability <= 1.0
+    assert probability + sum(r.probability for r in close) <= 1.0 + 1e-9
+    assert [r.behind_nats for r in close] == sorted(r.behind_nats for r in close)
+    assert all(r.behind_nats < CLOSE for r in close)
+    assert set(fits) == {r.effect for r in close}
+    assert without.hypothesis.effects == ()
+
+
+def test_two_names_for_one_thing_are_rivals_of_like_probability():
+    """Delay of commands and skew of samples, seen by positions alone."""
+    both = {name: effect(name) for name in ("transport_delay", "dead_zone")}
+    model = model_of(logs({"transport_delay": {"delay_s": 0.02}}, registers=(POSITION,)))
+    base = base_of(model)
+    knobs = effect_knobs(effect("transport_delay"))
+    found = fit(model, Hypothesis(knobs), np.append(base.z, 1.0), base.noise)
+    twin = Gain("read_skew", *_with(model, base, "read_skew"))
+    probability, close, _, _ = rivals(model, found, "transport_delay", both, [twin], quiet)
+    if close:
+        (rival,) = close
+        assert rival.effect == "read_skew"
+        ratio = np.exp(-0.5 * max(0.0, rival.behind_nats))
+        assert rival.probability == pytest.approx(ratio * probability, rel=1e-6)
+    else:
+        assert probability > 0.8
+
+
+def _with(model, base, name):
+    k = [n.name for n in model.nuisances].index(TWINS[name])
+    z = base.z.copy()
+    z[k] = 0.0
+    found = fit(model, Hypothesis(effect_knobs(effect(name))), np.append(z, 4.0), base.noise)
+    return found, base.cost - found.cost, 1.0
+
+
+# --- the parts of a search
+
+
+def test_screening_puts_what_was_planted_first():
+    model = model_of(logs({"dead_zone": TRUTHS["dead_zone"]}))
+    ranking = screen(model, base_of(model), EFFECTS.values())
+    gains = [gain for gain, _, _ in ranking]
+    assert ranking[0][1] == "dead_zone"
+    assert gains == sorted(gains, reverse=True)
+    assert gains[0] > NEEDED
+
+
+@pytest.mark.parametrize("name", sorted(joint_effects()))
+def test_an_effect_is_tried_within_its_bounds_and_never_off(name):
+    knobs = effect_knobs(effect(name))
+    tried = starts(knobs)
+    assert tried
+    for z in tried:
+        assert len(z) == len(knobs)
+        assert any(x != 0.0 for x, k in zip(z, knobs, strict=True) if not k.parameter.shape)
+    both_ways = {np.sign(z[0]) for z in tried} == {-1.0, 1.0}
+    amplitudes = [k for k in knobs if not k.parameter.shape]
+    assert both_ways is (len(amplitudes) == 1 and knobs[0].bounds[0] < 0.0)
+
+
+def test_a_twin_is_tried_in_the_place_of_its_nuisance():
+    model = model_of(logs({"gain_error": {"scale": 1.2}}))
+    base = base_of(model)
+    k = [n.name for n in model.nuisances].index("gain")
+    knobs = effect_knobs(effect("gain_error"))
+    tried = vectors_to_try(model, base, effect("gain_error"), knobs)
+    took_over = base.z[k] * model.nuisances[k].deviation
+    assert took_over > 0.0
+    for z in tried:
+        assert z[k] == 0.0
+    assert any(knobs[0].value(z[-1]) == pytest.approx(1.0 + took_over) for z in tried)
+
+
+def test_of_two_that_are_close_the_one_with_fewer_numbers_is_first():
+    fitted = SimpleNamespace()
+    one = Gain("dead_zone", fitted, 20.0, 1.0)
+    two = Gain("stribeck_friction", fitted, 20.0 + 0.9 * NUMBER_NATS, 1.0)
+    assert [g.effect for g in ranked([two, one])] == ["dead_zone", "stribeck_friction"]
+    far = Gain("stribeck_friction", fitted, 20.0 + 1.1 * NUMBER_NATS, 1.0)
+    assert [g.effect for g in ranked([one, far])] == ["stribeck_friction", "dead_zone"]
+
+
+def test_gains_of_a_step_share_one_inflation():
+    fitted = SimpleNamespace()
+    gains = ranked([Gain("dead_zone", fitted, 30.0, 1.0), Gain("punch", fitted, 40.0, 4.0)])
+    assert [g.inflation for g in gains] == pytest.approx([2.0, 2.0])
+    assert gains[0].effect == "punch"
+
+
+def score_of(nats, squares, count=100):
+    return Score(nats, {Kind.POSITION: squares}, {Kind.POSITION: count})
+
+
+def test_held_out_gains_are_in_nats_and_in_squares_of_the_floor():
+    floors = {Kind.POSITION: 0.1}
+    outside = held_out(
+        [score_of(1.0, 3.0), score_of(2.0, 5.0)], [score_of(4.0, 1.0), score_of(2.0, 5.0)], floors
+    )
+    assert outside.nats == 3.0
+    assert outside.relief == pytest.approx(2.0 / 200 / 0.01)
+    worse = held_out([score_of(1.0, 3.0)], [score_of(0.0, 4.0)], floors)
+    assert worse.nats == -1.0
+    assert worse.harm == pytest.approx(1.0 / 100 / 0.01)
+
+
+# --- groups
+
+
+def model_with(groups):
+    return SimpleNamespace(observed=[SimpleNamespace(group=g) for g in groups])
+
+
+@pytest.mark.parametrize("groups", [["a"], list("aab"), list("abcabc"), list("abcdefgabcdefg")])
+def test_folds_never_split_a_group_and_leave_none_out(groups):
+    parts = folds(model_with(groups))
+    assert sorted(r for part in parts for r in part) == list(range(len(groups)))
+    assert len(parts) == min(4, len(set(groups)))
+    for group in set(groups):
+        holders = [part for part in parts if any(groups[r] == group for r in part)]
+        assert len(holders) == 1
+
+
+def recording(group, number):
+    return SimpleNamespace(metadata={"group": group}, name=f"{group}-{number}")
+
+
+@pytest.mark.parametrize("count", [3, 4, 7, 12])
+def test_what_is_held_out_is_whole_groups(count):
+    recordings = [recording(f"g{k:02}", i) for k in range(count) for i in range(3)]
+    parts = split(recordings)
+    fitted, judging = ({r.metadata["group"] for r in p} for p in (parts.fitted, parts.judging))
+    assert not fitted & judging
+    assert len(fitted) + len(judging) == count
+    assert {r.name for r in (*parts.fitted, *parts.judging)} == {r.name for r in recordings}
+    assert len(parts.judging) >= 3
+    assert len(judging) <= max(1, -(-count // HELD_OUT_OF))
+
+
+def test_few_groups_are_all_fitted():
+    recordings = [recording(f"g{k}", 0) for k in range(LEAST_GROUPS - 1)]
+    assert split(recordings).judging == ()
+
+
+def test_a_recording_without_a_group_is_its_own():
+    recordings = [SimpleNamespace(metadata={}, name=f"r{k}") for k in range(8)]
+    parts = split(recordings)
+    assert len(parts.judging) == 2
+
+
+def test_the_split_does_not_hang_on_the_order():
+    recordings = [recording(f"g{k}", 0) for k in range(9)]
+    names = {r.name for r in split(recordings).judging}
+    assert {r.name for r in split(recordings[::-1]).judging} == names
+
+
+def test_an_effect_taken_out_of_the_catalogue_is_not_tried():
+    left = without_effects(["dead_zone", "punch"])
+    assert not {"dead_zone", "punch"} & set(left)
+    assert len(left) == len(joint_effects()) - 2
+    with pytest.raises(DiagnosisError, match="no effect named 'gravity'"):
+        without_effects(["gravity"])
