@@ -75,7 +75,7 @@ def test_a_port_is_unplugged_and_opened_anew_in_either_time(pytester: pytest.Pyt
                 port.is_using = False
                 try:
                     return "answers" if packets.ping(port, 1)[1] == 0 else "silent"
-                except termios.error:
+                except (termios.error, serial.SerialException):  # on writing, or on reading
                     return "gone"
 
             until("answers")
