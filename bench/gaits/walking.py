@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 from busemu.timing import load_profile
 from hal.cpg import Gait, LocomotionController
+from hal.legs import Legs
 from hal.robot_control import RobotControl
 from hal.walk import WalkReport, walk
 from sim.watch import Event, What
@@ -156,7 +157,8 @@ def steady_from_s(job: Job, span: tuple[float, float]) -> float:
 
 
 def shortest_s(robot: Robot) -> float:
-    """The shortest walk of a robot that can be measured, with its original gait [s]."""
+    """The shortest walk that can be measured [s]; ``RobotError`` for a robot that cannot walk."""
+    Legs.of(robot)
     return LEAST_PERIODS * Gait.of(robot).period_s
 
 

@@ -19,15 +19,16 @@ HERE = Path(__file__).parent
 #: The command with walks that cost nothing but time, so that it can be stopped in the middle.
 SLOW = """
 import sys, time
-from pathlib import Path
 import bench.gaits.walking
 from pretended_walks import outcome
+
+PAUSES = int(sys.argv[1])
 
 class Slow:
     def __init__(self, robot):
         pass
     def __call__(self, job, check):
-        for _ in range(int(sys.argv[1])):
+        for _ in range(PAUSES):
             time.sleep(0.01)
             check()
         return outcome(job)
