@@ -59,20 +59,30 @@ class Answers:
         processes: int,
         watch: Callable[[], None] = lambda: None,
     ) -> Iterator[str]:
-        """Diagnose the cases that are not finished; yields each when it is."""
+        """Diagnose the cases that are not finished; yields each when it is.
+
+        A process that a signal ended (memory, a person) gets a second try before it is a failure.
+        """
         self.answers.mkdir(parents=True, exist_ok=True)
-        left = [name for name in names if not self.finished(name)]
-        started: dict[str, str] = {}
+        for last in (False, True):
+            started: dict[str, str] = {}
+            left = [name for name in names if not self.finished(name)]
+            for ended in run(self._jobs(left, catalogues, started), processes, watch):
+                name = ended.job.name
+                if last or ended.code is None or ended.code >= 0:
+                    self._keep(name, ended.code, ended.seconds, started[name])
+                    yield name
 
-        def jobs() -> Iterator[Job]:
-            for name in left:
-                started[name] = sources()
-                yield self._job(name, catalogues.get(name, ()))
-
-        for ended in run(jobs(), processes, watch):
-            name = ended.job.name
-            self._keep(name, ended.code, ended.seconds, started[name])
-            yield name
+    def _jobs(
+        self,
+        names: Sequence[str],
+        catalogues: Mapping[str, tuple[str, ...]],
+        started: dict[str, str],
+    ) -> Iterator[Job]:
+        """Jobs, each made when it is its turn; ``started`` gets the hash of the sources then."""
+        for name in names:
+            started[name] = sources()
+            yield self._job(name, catalogues.get(name, ()))
 
     def _job(self, name: str, catalogue: tuple[str, ...]) -> Job:
         staged, out = self.work / name / "stage", self.work / name / "out"
@@ -105,8 +115,7 @@ class Answers:
         shutil.rmtree(out / "tmp", ignore_errors=True)
         told: dict[str, Any] = {"sources_sha256": by, "seconds": seconds, "failure": ""}
         if code != 0 or not (out / ANSWER).exists():
-            lines = (out / "log.txt").read_text("utf-8", "replace").strip().splitlines()
-            told["failure"] = "took too long" if code is None else (lines or ["no word"])[-1]
+            told["failure"] = _failure(code, out / "log.txt")
             (out / ANSWER).unlink(missing_ok=True)
         write_json(out / RUN, told)
         shutil.rmtree(self.answers / name, ignore_errors=True)
@@ -129,3 +138,13 @@ class Answers:
             total.update(name.encode() + b"\n")
             total.update(diagnosis.read_bytes() if diagnosis.exists() else b"failed")
         return total.hexdigest()
+
+
+def _failure(code: int | None, log: Path) -> str:
+    """Why a process has no answer, in a line."""
+    if code is None:
+        return f"took longer than {MOST_S:g} s"
+    if code < 0:
+        return f"ended by signal {-code}, twice"
+    lines = log.read_text("utf-8", "replace").strip().splitlines()
+    return lines[-1] if lines else "no word why"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import sys
 from pathlib import Path
@@ -33,6 +34,8 @@ def told_apart(recordings: list[Path]) -> bool:
 
 def main() -> None:
     stage, out, *words = sys.argv[1:]
+    if "killed" in words:
+        os.kill(os.getpid(), signal.SIGKILL)
     if "fail" in words:
         raise SystemExit("there is nothing to be seen")
     (out_folder := Path(out)).joinpath("pried.json").write_text(

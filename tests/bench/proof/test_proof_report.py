@@ -11,6 +11,7 @@ from sealed_cases import delayed_proof, small_proof
 
 from bench.proof import pictures
 from bench.proof.active import Active
+from bench.proof.answering import Answers
 from bench.proof.errors import ProofError
 from bench.proof.judging import Judged
 from bench.proof.report import write_score
@@ -63,7 +64,6 @@ def test_everything_is_written_beside_the_score(ambiguous):
     proof, _, published, score = ambiguous
     assert json.loads((proof.folder / "score.json").read_text()) == score
     assert score["format"] == "busemu-score/1"
-    assert score["frozen"]
     assert score["diagnoser"] == published["diagnoser"]
     assert set(GOALS) <= set(score)
     with (proof.folder / "cases.csv").open(newline="") as file:
@@ -76,6 +76,22 @@ def test_everything_is_written_beside_the_score(ambiguous):
         assert f"src='figures/{name}.png'" in page
         assert (proof.folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads((proof.folder / "keys" / "case-0001.json").read_text())["kind"] == "single"
+
+
+@pytest.mark.parametrize(("at_the_time", "frozen"), [("this one", True), ("another", False)])
+def test_a_diagnoser_that_changed_during_the_run_is_told(
+    ambiguous, monkeypatch, at_the_time, frozen
+):
+    proof, active, told, _ = ambiguous
+    read = Answers.read
+
+    def made_by(self, name):
+        diagnosis, run = read(self, name)
+        return diagnosis, run | {"sources_sha256": at_the_time}
+
+    monkeypatch.setattr(Answers, "read", made_by)
+    told = told | {"diagnoser": {"commit": "some", "sources_sha256": "this one"}}
+    assert write_score(proof, 9, told, active)["frozen"] is frozen
 
 
 def test_what_was_not_run_is_left_out_with_a_word(tmp_path):

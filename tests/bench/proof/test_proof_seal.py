@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import socket
 import sys
 
@@ -11,9 +12,17 @@ from sealed_cases import small_proof
 
 from bench.blind.seal import digest, seal
 from bench.proof import confined, published
+from bench.proof.answering import Answers
 from bench.proof.errors import ProofError
 
 CONFINED = pytest.mark.skipif(not confined.version(), reason="this kernel has no Landlock")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _sources_that_nobody_edits():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(published, "sources", lambda: "as published")
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -176,6 +185,20 @@ def test_a_diagnosis_that_fails_is_an_answer(proof):
     assert diagnosis is None
     assert told["failure"] == "there is nothing to be seen"
     assert list(failing.answer()) == []
+
+
+def test_a_diagnosis_that_is_killed_gets_a_second_try(proof, monkeypatch):
+    tries = []
+    job = Answers._job
+    monkeypatch.setattr(
+        Answers, "_job", lambda self, name, told: tries.append(name) or job(self, name, told)
+    )
+    killed = small_proof(proof.folder, "killed")
+    assert sorted(killed.answer()) == ["case-0001", "case-0002"]
+    assert sorted(tries) == ["case-0001", "case-0001", "case-0002", "case-0002"]
+    diagnosis, told = killed.answers.read("case-0001")
+    assert diagnosis is None
+    assert told["failure"] == f"ended by signal {int(signal.SIGKILL)}, twice"
 
 
 def test_a_lost_secret_is_said(proof):
