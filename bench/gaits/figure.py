@@ -152,7 +152,7 @@ def _course(axes: Axes, result: Result) -> None:
     axes.axhline(result.original.speed_m_s * 1e3, color=INK, linestyle=":", label="original gait")
     handles, _ = axes.get_legend_handles_labels()
     handles.append(Line2D([], [], marker="o", linestyle="none", color=GOAL, label="checked, mean"))
-    axes.legend(handles=handles, loc="lower right")
+    axes.legend(handles=handles, loc="upper left")
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("walks")
     axes.set_ylabel("speed [mm/s]")

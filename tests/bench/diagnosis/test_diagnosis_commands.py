@@ -210,6 +210,13 @@ def test_steps_stay(height):
     assert lonely(values, QUANTUM).all()
 
 
+@pytest.mark.parametrize("length", [2, 3])
+def test_values_that_are_not_alone_stay(length):
+    values = np.zeros(100)
+    values[40 : 40 + length] = 0.5
+    assert lonely(values, QUANTUM).all()
+
+
 def test_motion_stays_however_fast():
     t = np.linspace(0.0, 3.0, 300)
     for omega in (1.0, 10.0, 30.0):

@@ -67,14 +67,22 @@ def test_the_voltage_of_a_model_is_its_own_within_a_count():
             assert np.quantile(np.abs(block.value), 0.9) < quantum
 
 
-def test_residuals_are_recorded_less_modelled(null):
-    """A sensor that reads more, in the model only: the residual is as much less."""
+def test_residuals_are_recorded_less_modelled():
+    model = model_of(logs(motions=["slow"]))
+    before = blocks_of(model)[0, Kind.POSITION].value
+    (one,) = model.observed
+    more = replace(one.position, value=one.position.value + 0.01)
+    model.observed = (replace(one, channels=dict(one.channels) | {Kind.POSITION.channel: more}),)
+    assert blocks_of(model)[0, Kind.POSITION].value == pytest.approx(before + 0.01)
+
+
+def test_a_zero_moves_residuals_only_as_far_as_gravity_does(null):
+    """Held by the position law, the joint goes where it reads as before."""
     (k,) = [k for k, n in enumerate(null.nuisances) if n.name == "zero"]
     z = np.zeros(len(null.nuisances))
     z[k] = 1.0
     before, after = blocks_of(null), blocks_of(null, z)
     moved = [after[r, Kind.POSITION].value - before[r, Kind.POSITION].value for r in range(4)]
-    # held by the position law, the joint goes where it reads as before; gravity moves a bit
     assert max(np.abs(m).max() for m in moved) < null.nuisances[k].deviation
     assert all(np.abs(m).max() > 1e-5 for m in moved)
 

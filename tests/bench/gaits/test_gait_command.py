@@ -16,19 +16,21 @@ from busemu.tables import load_robot
 
 HERE = Path(__file__).parent
 
-#: The command with walks that cost nothing but time, so that it can be stopped in the middle.
+#: The command with walks that cost nothing but time: so many pauses of 10 ms in the first walk of a
+#: process, in its second, and so on.
 SLOW = """
 import sys, time
 import bench.gaits.walking
 from pretended_walks import outcome
 
-PAUSES = int(sys.argv[1])
+PAUSES = [int(pauses) for pauses in sys.argv[1].split(",")]
 
 class Slow:
     def __init__(self, robot):
-        pass
+        self.walks = 0
     def __call__(self, job, check):
-        for _ in range(PAUSES):
+        self.walks += 1
+        for _ in range(PAUSES[min(self.walks, len(PAUSES)) - 1]):
             time.sleep(0.01)
             check()
         return outcome(job)
@@ -48,7 +50,7 @@ def busemu(*words):
 def started(pauses, *words):
     path = os.pathsep.join([str(HERE), *sys.path])
     return subprocess.Popen(
-        [sys.executable, "-c", SLOW, str(pauses), *map(str, words)],
+        [sys.executable, "-c", SLOW, pauses, *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -110,7 +112,7 @@ def test_a_model_of_another_robot_is_refused(tmp_path):
 
 
 def test_a_search_says_what_to_look_at_and_what_to_do_next(tmp_path):
-    running = started(0, "--out", tmp_path, "--budget", "9", "--seconds", "2.4")
+    running = started("0", "--out", tmp_path, "--budget", "9", "--seconds", "2.4")
     told, complained = running.communicate(timeout=300)
     assert running.returncode == 0, complained
     assert complained == ""
@@ -121,16 +123,17 @@ def test_a_search_says_what_to_look_at_and_what_to_do_next(tmp_path):
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_search_keeps_its_walks_and_leaves_no_process(ending, tmp_path):
-    running = started(100, "--out", tmp_path, "--budget", "500", "--seconds", "2.4")
+    running = started("10,10,1000000", "--out", tmp_path, "--budget", "500", "--seconds", "2.4")
     try:
         wait_for(lambda: rows(tmp_path) >= 2)
         if ending is signal.SIGINT:
             os.killpg(running.pid, ending)  # as a terminal does it
         else:
             running.send_signal(ending)
-        told, complained = running.communicate(timeout=200)
+        told, complained = running.communicate(timeout=60)
     finally:
         running.kill()
+        running.communicate()
     assert running.returncode == 130
     assert complained == ""
     assert "the same command goes on" in told
@@ -141,11 +144,11 @@ def test_a_stopped_search_keeps_its_walks_and_leaves_no_process(ending, tmp_path
 
 
 def test_a_killed_search_leaves_whole_walks_and_no_process(tmp_path):
-    running = started(20, "--out", tmp_path, "--budget", "500", "--seconds", "2.4")
+    running = started("20", "--out", tmp_path, "--budget", "500", "--seconds", "2.4")
     try:
         wait_for(lambda: rows(tmp_path) >= 3)
     finally:
         running.kill()
-    running.communicate(timeout=200)
+        running.communicate()
     assert len(Ledger(tmp_path, load_robot("marvin"))) == rows(tmp_path) >= 3
     wait_for(lambda: not family(running.pid))
