@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .drive import kernel
 from .drive.kernel import Array, Arrays, Jobs
@@ -200,16 +201,24 @@ class Batch:
         return arrays, loads, jobs
 
     def _share(self, arrays: Arrays, loads: Array, jobs: Jobs, out: Array) -> None:
-        soft = bool(np.isfinite(arrays.params[kernel.GEAR_STIFFNESS]).any())
-        substeps = GEAR_SUBSTEPS if soft else RIGID_SUBSTEPS
+        soft = np.isfinite(arrays.params[kernel.GEAR_STIFFNESS])
         tasks = [
             _pool(self._threads).submit(
                 kernel.rollout, arrays, loads, jobs, TICK_S, substeps, first, last, out
             )
-            for first, last in self._parts(len(jobs.recording))
+            for first, last, substeps in self._alike(soft)
         ]
         for task in tasks:
             task.result()
+
+    def _alike(self, soft: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+        """Parts of jobs whose gears are all soft or all rigid, and their substeps."""
+        edges = [0, *(np.flatnonzero(soft[1:] != soft[:-1]) + 1).tolist(), len(soft)]
+        return [
+            (first + begin, last + begin, GEAR_SUBSTEPS if soft[begin] else RIGID_SUBSTEPS)
+            for begin, end in itertools.pairwise(edges)
+            for first, last in self._parts(end - begin)
+        ]
 
     def _parts(self, count: int) -> list[tuple[int, int]]:
         """Jobs dealt to the threads, a few parts each."""

@@ -79,16 +79,12 @@ def test_a_batch_gives_what_its_jobs_give_alone(drive: Any) -> None:
         assert not np.isnan(out).any()
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="Batch._share takes GEAR_SUBSTEPS for all jobs as soon as one gear is soft: a rigid "
-    "job then comes out otherwise than alone",
-)
 def test_a_soft_gear_in_a_batch_changes_nothing_for_rigid_ones() -> None:
     (told,) = replays()[:1]
     stiff, soft = candidates(DRIVE, 1)[0], candidates(SOFT, 1)[0]
-    together = Batch([told], 1).run([stiff, soft], [0, 0])
-    assert (together[0] == run(stiff, told)).all()
+    together = Batch([told], 1).run([stiff, soft, soft, stiff], [0] * 4)
+    for one, out in zip([stiff, soft, soft, stiff], together, strict=True):
+        assert (out == run(one, told)).all()
 
 
 @pytest.mark.parametrize("drive", [DRIVE, SOFT])
