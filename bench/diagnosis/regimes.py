@@ -110,32 +110,28 @@ def localise(
         for r in range(len(observed))
         if (r, Kind.POSITION) in blocks
     ]
-    places = []
-    for name in names:
-        share = sum(float(s[m].sum()) for s, m in zip(squares, masks[name], strict=True)) / total
-        time = float(np.mean(np.concatenate(masks[name])))
-        if not 0.0 < time < 1.0:
-            continue
-        above = 0
-        for _ in range(SHUFFLES):
-            drawn = sum(
-                _shuffled(s, m, k, random)
-                for s, m, k in zip(squares, masks[name], stretches, strict=True)
-            )
-            above += drawn / total >= share
-        p = min(1.0, (above + 1) / (SHUFFLES + 1) * len(names))
-        places.append(Place("present_position", observed[0].joint, name, share, time, p))
+    of_parts = {name: np.concatenate(masks[name]) for name in names}
+    of_parts = {name: mask for name, mask in of_parts.items() if 0.0 < mask.mean() < 1.0}
+    table = np.array(list(of_parts.values()), np.float64).reshape(len(of_parts), -1)
+    found = table @ np.concatenate(squares)
+    above = np.zeros(len(of_parts))
+    for _ in range(SHUFFLES):
+        drawn = [_shuffled(s, k, random) for s, k in zip(squares, stretches, strict=True)]
+        above += table @ np.concatenate(drawn) >= found
+    chances = np.minimum(1.0, (above + 1.0) / (SHUFFLES + 1.0) * len(names))
+    places = [
+        Place(
+            "present_position", observed[0].joint, name, float(share), float(mask.mean()), float(p)
+        )
+        for (name, mask), share, p in zip(of_parts.items(), found / total, chances, strict=True)
+    ]
     return sorted(places, key=lambda place: (place.p_value, place.time_share - place.share))
 
 
-def _shuffled(
-    squares: Floats, mask: Mask, stretch: NDArray[np.int64], random: np.random.Generator
-) -> float:
-    """Energy under a mask whose stretches are dealt anew: each keeps its own energy."""
-    count = int(stretch.max()) + 1
-    energy = np.bincount(stretch, squares, count)
-    share = np.bincount(stretch, mask, count) / np.maximum(np.bincount(stretch, minlength=count), 1)
-    return float(energy @ random.permutation(share))
+def _shuffled(squares: Floats, stretch: NDArray[np.int64], random: np.random.Generator) -> Floats:
+    """Squares whose stretches follow each other in another order, each whole."""
+    order = random.permutation(int(stretch.max()) + 1)
+    return squares[np.argsort(order[stretch], kind="stable")]
 
 
 def shares(places: Sequence[Place]) -> Mapping[str, float]:

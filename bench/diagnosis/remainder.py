@@ -1,8 +1,8 @@
 """What is left that the recordings agree about, and no hypothesis predicts.
 
 A free function of the joint's state is fitted to what a hypothesis leaves, on some groups of
-recordings, and judged on the others. What it predicts there is structure the catalogue lacks; what
-it cannot predict is noise, however large.
+recordings, and judged on the others; of a single group, on some of its recordings. What it predicts
+there is structure the catalogue lacks; what it cannot predict is noise, however large.
 """
 
 from __future__ import annotations
@@ -45,27 +45,30 @@ def remainder(model: JointModel, blocks: Blocks, seed: int = 0) -> Remainder:
         names, plain = _terms(model, r, scales)
         free = np.cos(plain[:, :5] @ waves[0] + waves[1]) * np.sqrt(2.0 / WAVES) * 3.0
         thin = max(1, round(INDEPENDENT_S / max(1e-3, float(np.median(np.diff(block.t_s))))))
+        thin = min(thin, len(block.value))
         kept = len(block.value) // thin * thin
         table = np.concatenate([plain, free], axis=1)[:kept]
         tables.append(table.reshape(-1, thin, table.shape[1]).mean(axis=1))
         values.append(block.value[:kept].reshape(-1, thin).mean(axis=1))
-    place = {r: i for i, r in enumerate(keys)}
-    parts = [[place[r] for r in part if r in place] for part in folds(model)]
-    parts = [part for part in parts if part]
+    parts = _parts(model, keys)
+    if len(parts) == 1:  # a recording alone: each half is judged by the other
+        tables = [half for table in tables for half in np.array_split(table, 2)]
+        values = [half for value in values for half in np.array_split(value, 2)]
+        parts = [[0], [1]]
+    pieces = range(len(values))
     predicted: dict[int, Floats] = {}
     for part in parts:
-        rest = [i for i in range(len(keys)) if i not in part] or list(range(len(keys)))
+        rest = [i for i in pieces if i not in part]
         weights = _ridge(
             np.concatenate([tables[i] for i in rest]), np.concatenate([values[i] for i in rest])
         )
         for i in part:
             predicted[i] = tables[i] @ weights
-    y = np.concatenate([values[i] for i in range(len(keys))])
-    guess = np.concatenate([predicted[i] for i in range(len(keys))])
+    y = np.concatenate(values)
+    guess = np.concatenate([predicted[i] for i in pieces])
     total = float(np.sum(y**2)) + 1e-300
     gains = [
-        float(np.sum(values[i] ** 2) - np.sum((values[i] - predicted[i]) ** 2))
-        for i in range(len(keys))
+        float(np.sum(values[i] ** 2) - np.sum((values[i] - predicted[i]) ** 2)) for i in pieces
     ]
     stacked = np.concatenate(tables)[:, : len(names)]
     terms = sorted(
@@ -82,6 +85,14 @@ def remainder(model: JointModel, blocks: Blocks, seed: int = 0) -> Remainder:
         if total > 0.0
         else Remainder(0.0, 0.0, 0.0, ())
     )
+
+
+def _parts(model: JointModel, keys: Sequence[int]) -> list[list[int]]:
+    """Places in ``keys`` by parts that judge each other: by group, of one group by recording."""
+    place = {r: i for i, r in enumerate(keys)}
+    parts = [[place[r] for r in part if r in place] for part in folds(model)]
+    parts = [part for part in parts if part]
+    return parts if len(parts) > 1 else [[i] for i in range(len(keys))]
 
 
 def _scales(model: JointModel, keys: Sequence[int]) -> Floats:

@@ -115,12 +115,6 @@ def test_misfits_of_whole_stretches_are_nowhere(model):
     assert false_alarms(model, by_stretch) <= 3  # of 20 at 5 %: 98 % of the time
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="regimes._shuffled averages a part's mask over each stretch, the share it is compared "
-    "with does not: what varies within stretches is missing from the null, and a third of all sets "
-    "of white noise have a place; moving whole stretches of squares under the mask cures it",
-)
 def test_noise_is_nowhere(model):
     assert false_alarms(model, noise) <= 3
 
@@ -179,17 +173,19 @@ def test_a_rest_of_nothing_is_none(model):
     assert rest.predicted_rad == 0.0
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="remainder() fits a single fold to itself (rest = ... or all): with one group, also the "
-    "only judging group of up to six, noise comes out as structure that all recordings agree on",
-)
 def test_noise_of_a_single_group_is_no_structure():
     """One group of recordings must not be judged by what was fitted to itself."""
     single = model_of(logs(motions=["fast", "slow"], groups=["one", "one"]))
     rest = remainder(single, planted(single, lambda one, random: 5.0 * noise(one, random)))
     assert rest.share < 0.1
     assert not is_structured(rest, FLOOR_RAD)
+
+
+def test_halves_of_a_single_recording_judge_each_other():
+    single = model_of(logs(motions=["fast"]))
+    rest = remainder(single, planted(single, lambda one, random: 5.0 * noise(one, random)))
+    assert not is_structured(rest, FLOOR_RAD)
+    assert is_structured(remainder(single, planted(single, sticking)), FLOOR_RAD)
 
 
 # --- the floor
