@@ -19,7 +19,6 @@ STEP = 0.02  #: of the finite differences, in units of a knob
 TICKS_S = 0.002  #: least step of times: firmware has a tick of 1 ms
 NUISANCE_STEP = 0.2  #: in deviations of its prior
 ROUNDS = 8  #: of fitting and of estimating the noise in turns, at most
-FARTHEST = 4.0  #: deviations of its prior that a nuisance may take: beyond, it is a finding
 DAMPINGS = (1e-3, 0.03, 1.0, 30.0)  #: factors on the damping that are tried together
 ENOUGH = 0.3  #: gain of a step [nats] at which a fit is done
 EDGE = 1e-3  #: how close to a bound a knob counts as at it
@@ -48,7 +47,7 @@ def bounds(model: JointModel, hypothesis: Hypothesis) -> tuple[Floats, Floats]:
     A nuisance stays at 0 where an effect of the same kind is on.
     """
     idle = {TWINS[name] for name in hypothesis.effects if name in TWINS}
-    reach = [0.0 if n.name in idle else FARTHEST for n in model.nuisances]
+    reach = [0.0 if n.name in idle else n.reach for n in model.nuisances]
     low = [-r for r in reach] + [k.bounds[0] for k in hypothesis.knobs]
     high = reach + [k.bounds[1] for k in hypothesis.knobs]
     return np.array(low), np.array(high)

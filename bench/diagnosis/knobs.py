@@ -24,6 +24,7 @@ from sim.rollout import Candidate
 
 OUTSIDE = frozenset(
     {
+        "back_emf",
         "foot_compliance",
         "foot_slip",
         "ground_compliance",
@@ -33,7 +34,12 @@ OUTSIDE = frozenset(
         "lost_samples",
         "load_refresh",
     }
-)  #: effects that one joint on a rig cannot have, or that are seen in the data itself
+)  #: effects that one joint on a rig cannot have, that are seen in the data itself, or that nobody
+#: tells from another (back-EMF from viscous friction)
+
+
+WITHIN = 2.0  #: deviations that a nuisance with a tolerance may take
+FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was stated
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +108,8 @@ class Nuisance:
     """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``.
 
     ``change`` takes a candidate of its own and what is added, and changes or replaces it.
+    ``reach`` is how many deviations it may take. What has a tolerance lies anywhere within it and
+    never far outside: two deviations are 1.15 times the tolerance, and beyond that it is a finding.
     """
 
     name: str
@@ -109,6 +117,7 @@ class Nuisance:
     deviation: float
     source: str
     change: Callable[[Candidate, float], Candidate]
+    reach: float = WITHIN
 
 
 def _scaled(*fields: int) -> Callable[[Candidate, float], Candidate]:
@@ -167,9 +176,9 @@ NUISANCES = (
     Nuisance(
         "rotor_level", "(ratio)", 0.02, "rotors of one make; assumed", _scaled(kernel.ROTOR_INERTIA)
     ),
-    Nuisance("link", "(ratio)", 0.04, "mass +-5 %, centre of mass +-3 mm", _link),
+    Nuisance("link", "(ratio)", 0.05, "mass +-5 %, centre of mass +-3 mm", _link),
     Nuisance("payload", "(ratio)", 0.03, "mass +-5 %", _payload),
-    Nuisance("load_inertia", "(ratio)", 0.04, "centre +-3 mm, extent of weights", _inertia),
+    Nuisance("load_inertia", "(ratio)", 0.05, "centre +-3 mm, extent of weights", _inertia),
     Nuisance("zero", "rad", 0.0101, "zero +-1 deg", _zero),
     Nuisance("tilt", "rad", 0.0101, "stand tilted up to 1 deg", _lean(1.0, 0.0)),
     Nuisance("tilt_across", "rad", 0.0101, "stand tilted up to 1 deg", _lean(0.0, 1.0)),
@@ -179,6 +188,7 @@ NUISANCES = (
         0.0005,
         "jitter and turnaround of a bus; assumed",
         lambda c, x: replace(c, skew_s=c.skew_s + x),
+        FARTHEST,
     ),
     Nuisance(
         "supply",
@@ -211,11 +221,17 @@ def nuisances(drive: Section) -> tuple[Nuisance, ...]:
     told = {
         DOUBTS[key]: deviation for key in DOUBTS if (deviation := drive.deviation(key)) is not None
     }
-    return tuple(replace(n, deviation=told.get(n.name, n.deviation)) for n in NUISANCES)
+    return tuple(
+        replace(n, deviation=told[n.name], reach=FARTHEST) if n.name in told else n
+        for n in NUISANCES
+    )
 
 
-#: effects that are a nuisance without its prior, the nuisance, and the effect's only parameter
+#: effects that are a nuisance without its prior, and that nuisance
 TWINS = {
+    "coulomb_friction": "coulomb_level",
+    "viscous_friction": "viscous_level",
+    "payload": "payload",
     "gain_error": "gain",
     "zero_offset": "zero",
     "supply_voltage": "supply",
@@ -226,9 +242,19 @@ TWINS = {
 }
 
 
+#: parameters that one joint on a rig cannot show: a weight is where the robot file puts it
+NOT_TURNED = frozenset({("payload", "x_m"), ("payload", "y_m"), ("payload", "z_m")})
+#: of a nuisance that its effect counts in another unit: what the ratio is of
+AMOUNTS = {"coulomb_level": kernel.COULOMB, "viscous_level": kernel.VISCOUS}
+
+
 def effect_knobs(effect: Effect, where: Iterable[str] = ()) -> tuple[Knob, ...]:
-    """All knobs of an effect."""
-    return tuple(Knob(effect.name, parameter, tuple(where)) for parameter in effect.parameters)
+    """All knobs of an effect that one joint can show."""
+    return tuple(
+        Knob(effect.name, parameter, tuple(where))
+        for parameter in effect.parameters
+        if (effect.name, parameter.name) not in NOT_TURNED
+    )
 
 
 def joint_effects() -> dict[str, Effect]:

@@ -18,6 +18,8 @@ from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
+from .knobs import FARTHEST
+
 ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
 
 Change = Callable[[PhysicalRobot, float], PhysicalRobot]
@@ -46,6 +48,7 @@ class RobotNuisance:
     source: str
     trial: str = ""
     joint: str = ""
+    reach: float = FARTHEST
 
 
 def _drives(segment: str, change: Callable[[DriveParameters, float], DriveParameters]) -> Change:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sim.effects import Effect, catalogue
 
 from .fit import Fit, Score, fit, linearise, score
-from .knobs import TWINS, Knob, effect_knobs
+from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
 from .model import JointModel, Kind
 from .noise import CLIP, whiten
 
@@ -88,6 +88,8 @@ def vectors_to_try(
         return [np.concatenate([base.z, x]) for x in starts(knobs)]
     k = names.index(twin)
     away = base.z[k] * model.nuisances[k].deviation / knobs[0].unit
+    if twin in AMOUNTS:
+        away *= float(model.candidate(base.hypothesis, base.z * 0.0, 0).drive[AMOUNTS[twin]])
     if knobs[0].parameter.typical < knobs[0].parameter.off:
         away = -away
     z = base.z.copy()

@@ -18,7 +18,7 @@ EFFECT = Effect(
             "margin_rad",
             "rad",
             0.0,
-            0.1,
+            0.2,
             typical=0.0051,
             off=0.0,
             source="one count of 0.29 deg, ROBOTIS e-manual",

@@ -18,7 +18,7 @@ EFFECT = Effect(
             "amplitude_rad",
             "rad",
             0.0,
-            0.1,
+            0.5,
             typical=0.01,
             off=0.0,
             source="assumed: 0.5 deg",

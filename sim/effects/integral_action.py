@@ -18,7 +18,7 @@ EFFECT = Effect(
             "gain_per_rad_s",
             "1/(rad s)",
             0.0,
-            50.0,
+            100.0,
             typical=2.0,
             off=0.0,
             source="assumed",

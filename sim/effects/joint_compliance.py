@@ -30,7 +30,7 @@ EFFECT = Effect(
             "compliance_rad_nm",
             "rad/(N m)",
             0.0,
-            0.5,
+            2.0,
             typical=1.0 / 30.0,
             off=0.0,
             source="judgement: gears of small servos are 15 to 60 N m/rad; assumed",

@@ -26,7 +26,7 @@ EFFECT = Effect(
         Parameter(
             "scale",
             "(ratio)",
-            0.2,
+            0.05,
             5.0,
             typical=1.1,
             off=1.0,

@@ -25,7 +25,7 @@ EFFECT = Effect(
             "period_s",
             "s",
             0.0,
-            1.0,
+            3.0,
             typical=0.13,
             off=0.0,
             source="130 ms measured",

@@ -18,7 +18,7 @@ EFFECT = Effect(
         Parameter(
             "duty",
             "(ratio)",
-            0.2,
+            0.02,
             1.0,
             typical=0.9,
             off=math.inf,

@@ -1,4 +1,4 @@
-"""Servos are sampled later than believed."""
+"""Servos are sampled at other times than believed."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ EFFECT = Effect(
     group=Group.SENSING,
     scope=Scope.BUS,
     enters="bus",
-    equation="sample at t + skew",
+    equation="sample at t + skew; below 0 an older position is shown",
     source="18 joints read one after another are 18 instants",
     parameters=(
         Parameter(
             "skew_s",
             "s",
-            0.0,
+            -0.2,
             0.2,
             typical=0.005,
             off=0.0,

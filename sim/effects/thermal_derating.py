@@ -18,7 +18,7 @@ EFFECT = Effect(
             "heat_resistance_k_w",
             "K/W",
             0.0,
-            200.0,
+            500.0,
             typical=20.0,
             off=0.0,
             source="assumed: windings of a few grams",

@@ -17,8 +17,8 @@ EFFECT = Effect(
         Parameter(
             "offset_rad",
             "rad",
-            -0.3,
-            0.3,
+            -0.6,
+            0.6,
             typical=0.0175,
             off=0.0,
             source="up to 2 deg; judgement",

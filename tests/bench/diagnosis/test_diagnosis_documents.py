@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, access, logs, model_of, robot
 
-from bench.diagnosis.fit import FARTHEST, Fit, block_rms, estimate_noise
+from bench.diagnosis.fit import Fit, block_rms, estimate_noise
 from bench.diagnosis.improved import write_improved
 from bench.diagnosis.joint import diagnose_joint
-from bench.diagnosis.knobs import NUISANCES, effect_knobs, joint_effects
+from bench.diagnosis.knobs import FARTHEST, NUISANCES, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.next_experiment import GAINS, menu, next_experiments, separable
 from bench.diagnosis.observed import observe
