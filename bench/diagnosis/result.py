@@ -13,6 +13,7 @@ VERDICTS = ("consistent", "explained", "partly_explained", "unexplained")
 #: effects that say a number was wrong; all others say that physics was missing
 WRONG_VALUES = frozenset(
     {
+        "back_emf",
         "coulomb_friction",
         "com_offset",
         "gain_error",

@@ -17,9 +17,10 @@ from sim.tree import SEGMENTS, PhysicalRobot
 
 from .knobs import Knob
 
-#: effects that no walk shows, or that belong to the reading of a register
+#: effects that no walk shows, that nobody tells from another, or of the reading of a register
 OUTSIDE = frozenset(
     {
+        "back_emf",
         "encoder_nonlinearity",
         "latency_timer",
         "load_refresh",

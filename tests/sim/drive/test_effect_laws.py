@@ -227,6 +227,19 @@ def test_torque_constant(scale: float) -> None:
     assert spun[-1, kernel.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
 
 
+@pytest.mark.parametrize("scale", [0.7, 1.3])
+def test_back_emf(scale: float) -> None:
+    """As much torque at stall, less speed at no load."""
+    changed = having("back_emf", level(), scale=scale)
+    pushed = run(changed, replay(pushing(0.1), duration_s=0.02))
+    assert pushed[1, kernel.OUT_VELOCITY] == pytest.approx(
+        TORQUE_CONSTANT * 0.1 * STALL_A / INERTIA * TICK_S, rel=0.02
+    )
+    spun = run(changed, replay(pushing(0.1), duration_s=4.0))
+    free = 0.1 * VOLTAGE_V / (scale * plain_drive().back_emf_v_s_rad)
+    assert spun[-1, kernel.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
+
+
 # --- friction
 
 

@@ -34,6 +34,7 @@ MOVES: Mapping[str, set[str]] = {
     "directional_load_friction": {P, D},
     "cable_drag": {P, D},
     "torque_constant": {P, D},
+    "back_emf": {P, D},
     "current_limit": {P, D},
     "thermal_derating": {P, D},
     # controller: the duty itself, along the very same angles
