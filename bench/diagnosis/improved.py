@@ -1,25 +1,43 @@
-"""The better model: the operator's robot file with what a diagnosis found added to it."""
+"""The better model: the operator's robot file with what a diagnosis found added to it.
+
+Nuisances that are the robot's (friction level, strength of the motor, ...) are written as the
+effect of the same kind. Those that are not (tilt of the stand, the weight that hung on it) go back
+to what was believed, and the rest goes where it is then likeliest: a fit holds as a whole, and half
+of two numbers that balance each other would be worse than neither.
+"""
 
 from __future__ import annotations
 
 import os
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import tomli_w
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from busemu.tables import Robot
-from sim.effects import Scope, effect
+from sim.effects import Effect, Parameter, Scope, effect
 from sim.model import Addition, Estimate, with_additions
 
+from .fit import bounds, estimate_noise, linearise
 from .joint import JointFindings
+from .knobs import Nuisance
+from .noise import CLIP
 
-WORTH = 0.3  #: deviations of its prior below which a nuisance is left as believed
-#: nuisances as effects: the effect's parameter, and its value for a nuisance of ``x`` (in its unit)
+Floats = NDArray[np.float64]
+
+SHARED = (Scope.ROBOT, Scope.BUS)  #: scopes of what an arm has once
+STEPS = 3  #: of least squares, from a fit whose other numbers are where they belong
+#: nuisances as effects: the effect and its parameter
 PLACES = {
     "torque_constant": ("torque_constant", "scale"),
+    "back_emf": ("back_emf", "scale"),
+    "coulomb_level": ("coulomb_friction", "more_nm"),
+    "viscous_level": ("viscous_friction", "more_nm_s_rad"),
     "link": ("link_mass", "scale"),
     "zero": ("zero_offset", "offset_rad"),
     "sampling": ("read_skew", "skew_s"),
@@ -27,20 +45,19 @@ PLACES = {
     "gain": ("gain_error", "scale"),
     "rotor_level": ("rotor_inertia", "scale"),
 }
-LEVELS = {
-    "coulomb_level": ("coulomb_friction", "more_nm", "coulomb_nm"),
-    "viscous_level": ("viscous_friction", "more_nm_s_rad", "viscous_nm_s_rad"),
-}
+#: of those whose effect counts in another unit than the nuisance: the friction that it scales
+LEVELS = {"coulomb_level": "coulomb_nm", "viscous_level": "viscous_nm_s_rad"}
 
 
 def additions(findings: Sequence[JointFindings], on: date) -> list[Addition]:
     """Effects that make the operator's model the fitted one, with where they come from."""
     made = []
+    once = _once(findings) if len(findings) > 1 else {}
     for found in findings:
         names = sorted({o.group for o in found.model.observed})
         told = f"fitted to recordings {', '.join(names)}; {on.isoformat()}"
         joint = found.model.observed[0].joint
-        made += _nuisances(found, joint, told)
+        made += _nuisances(found, joint, told, once)
         for cause in found.diagnosis.causes:
             estimates = {
                 name: Estimate(e.value, told, e.ci95)
@@ -60,7 +77,7 @@ def _of_arm(made: Sequence[Addition], joints: int) -> list[Addition]:
     joint's scale is of all that hangs on it, and bodies hang on several joints.
     """
     own = [addition for addition in made if addition.effect.scope is Scope.JOINT]
-    shared = [a for a in made if a.effect.scope in (Scope.ROBOT, Scope.BUS)]
+    shared = [a for a in made if a.effect.scope in SHARED]
     for name in dict.fromkeys(a.effect.name for a in shared):
         some = [a for a in shared if a.effect.name == name]
         estimates = {}
@@ -82,27 +99,85 @@ def write_improved(robot: Robot, findings: Sequence[JointFindings], path: Path, 
     os.replace(temporary, path)
 
 
-def _nuisances(found: JointFindings, joint: str, told: str) -> list[Addition]:
-    made = []
+def _place(name: str) -> tuple[Effect, Parameter]:
+    told = effect(PLACES[name][0])
+    return told, told.parameter(PLACES[name][1])
+
+
+def _slope(found: JointFindings, nuisance: Nuisance) -> float:
+    """What one deviation of a nuisance is, as its effect counts it."""
+    level = LEVELS.get(nuisance.name)
     drive = found.model.base.joints[found.model.index].drive
-    for nuisance, z in zip(found.model.nuisances, found.after.z.tolist(), strict=False):
-        x = z * nuisance.deviation
-        if abs(z) < WORTH:
+    return nuisance.deviation * (getattr(drive.friction, level) if level else 1.0)
+
+
+def _once(findings: Sequence[JointFindings]) -> Mapping[str, float]:
+    """Nuisances that an arm has once, by name: the median of all joints [deviations]."""
+    values: dict[str, list[float]] = {}
+    for found in findings:
+        for nuisance, z in zip(found.model.nuisances, found.after.z.tolist(), strict=False):
+            if nuisance.name in PLACES and _place(nuisance.name)[0].scope in SHARED:
+                values.setdefault(nuisance.name, []).append(z)
+    return {name: statistics.median(some) for name, some in values.items()}
+
+
+def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
+    """The fitted vector with only what a robot file can carry, at its likeliest.
+
+    ``once`` are nuisances whose value is given [deviations]; in an arm (it is not empty) a link's
+    mass is not the joint's own. Parameters of effects stay as they are.
+    """
+    z = found.after.z.copy()
+    low, high = bounds(found.model, found.after.hypothesis)
+    count = len(found.model.nuisances)
+    low[count:] = high[count:] = z[count:]
+    for k, nuisance in enumerate(found.model.nuisances):
+        ends = (0.0, 0.0)
+        if nuisance.name in once:
+            ends = (once[nuisance.name], once[nuisance.name])
+        elif nuisance.name in PLACES and not (once and nuisance.name == "link"):
+            _, known = _place(nuisance.name)
+            slope = max(_slope(found, nuisance), 1e-12)
+            ends = ((known.low - known.off) / slope, (known.high - known.off) / slope)
+        low[k], high[k] = np.clip(ends, low[k], high[k])
+    start = np.clip(z, low, high)
+    if (start == z).all():
+        return start
+    return _settled(found, start, low, high)
+
+
+def _settled(found: JointFindings, z: Floats, low: Floats, high: Floats) -> Floats:
+    """Least squares within bounds, from a fit that had other ones."""
+    model, hypothesis = found.model, found.after.hypothesis
+    count = len(model.nuisances)
+    free = np.flatnonzero(low < high)
+    for _ in range(STEPS):
+        noise = estimate_noise(model, model.residuals(hypothesis, [z])[0], found.after.noise)
+        residual, jacobian = linearise(model, hypothesis, z, noise)
+        weight = np.sqrt(np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP)))
+        priors = np.eye(len(z))[free[free < count]]
+        rows = np.concatenate([weight[:, None] * jacobian[:, free], priors[:, free]])
+        wanted = -np.concatenate([weight * residual, priors @ z])
+        box = (low[free] - z[free] - 1e-12, high[free] - z[free] + 1e-12)
+        z = z.copy()
+        z[free] = np.clip(z[free] + lsq_linear(rows, wanted, box).x, low[free], high[free])
+    return z
+
+
+def _nuisances(
+    found: JointFindings, joint: str, told: str, once: Mapping[str, float]
+) -> list[Addition]:
+    made = []
+    vector = carried(found, once)
+    for nuisance, z in zip(found.model.nuisances, vector.tolist(), strict=False):
+        if nuisance.name not in PLACES or z == 0.0:
             continue
-        if nuisance.name in PLACES:
-            name, parameter = PLACES[nuisance.name]
-            off = effect(name).parameter(parameter).off
-        elif nuisance.name in LEVELS:
-            name, parameter, level = LEVELS[nuisance.name]
-            off, x = 0.0, x * getattr(drive.friction, level)
-        else:
-            continue  # tilt of the stand and extent of the weight are not the robot's
-        told_of = f"nuisance {nuisance.name}; {told}"
-        known = effect(name).parameter(parameter)
-        value = min(known.high, max(known.low, off + x))  # samples earlier than told are no skew
-        if value != known.off:
-            there = {parameter: Estimate(value, told_of)}
-            made.append(Addition(effect(name), _where(name, joint), there))
+        there, parameter = _place(nuisance.name)
+        value = parameter.off + z * _slope(found, nuisance)
+        value = min(parameter.high, max(parameter.low, value))
+        if value != parameter.off:
+            estimate = Estimate(value, f"nuisance {nuisance.name}; {told}")
+            made.append(Addition(there, _where(there.name, joint), {parameter.name: estimate}))
     return made
 
 

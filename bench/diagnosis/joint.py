@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -142,7 +142,7 @@ def diagnose_joint(
         ),
         unexplained=_unexplained(judge, blocks, rest, floor, seed) if structured else (),
         next_experiment=tuple(nexts),
-        limits=_limits(model, after),
+        limits=_limits(model, after, {kind for _, kind in start_blocks}),
         rejected=tuple(rejected),
         channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
         ranking=tuple(
@@ -296,7 +296,10 @@ def _channels(model: JointModel, before: Blocks, after: Blocks) -> tuple[Mapping
         Kind.VOLTAGE: "the supply, under the modelled current",
     }
     rows = []
+    there = {kind for _, kind in after}
     for kind, floor in floors.items():
+        if kind not in there:
+            continue
         noise = estimate_noise(model, {k: b for k, b in after.items() if k[1] is kind})
         rows.append(
             {
@@ -305,16 +308,20 @@ def _channels(model: JointModel, before: Blocks, after: Blocks) -> tuple[Mapping
                 "rms_before": block_rms(before, kind),
                 "rms_after": block_rms(after, kind),
                 "rounding": floor,
-                "noise": noise[kind].total if kind in noise else None,
+                "noise": noise[kind].total,
             }
         )
     return tuple(rows)
 
 
-def _limits(model: JointModel, after: Fit) -> tuple[str, ...]:
+def _limits(model: JointModel, after: Fit, kinds: Collection[Kind]) -> tuple[str, ...]:
     said = []
-    kinds = set(model.floors())
-    if Kind.DUTY not in kinds:
+    if Kind.DUTY in set(model.floors()) - set(kinds):
+        said.append(
+            "the load or duty register was read and hardly ever changes: controller and motor are "
+            "judged only together"
+        )
+    elif Kind.DUTY not in kinds:
         said.append(
             "no load or duty register was read: controller and motor are judged only together"
         )
