@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from .journal import digest
 from .knobs import TWINS
 from .model import Blocks, Hypothesis, JointModel, Kind
 from .noise import CLIP, Block, Noise, cost, estimate, whiten
 
 Floats = NDArray[np.float64]
 
-STEP = 0.02  #: of the finite differences, in units of a knob
+STEP = 0.1  #: of a knob in finite differences at first, in its unit or its value
+NUISANCE_STEP = 0.7  #: in deviations of its prior
 TICKS_S = 0.002  #: least step of times: firmware has a tick of 1 ms
-NUISANCE_STEP = 0.2  #: in deviations of its prior
+#: a finite difference shall be so many deviations of noise long, within this range: friction and
+#: rounding in a position law make a rollout rough, and a short difference would see only that
+LONG, RANGE = 10.0, (5.0, 25.0)
+STEPS = (0.005, 1.0)  #: a knob's least and greatest step, in its unit or its value
 ROUNDS = 8  #: of fitting and of estimating the noise in turns, at most
 DAMPINGS = (1e-3, 0.03, 1.0, 30.0)  #: factors on the damping that are tried together
 ENOUGH = 0.3  #: gain of a step [nats] at which a fit is done
@@ -86,17 +92,28 @@ def whitened(blocks: Sequence[Blocks], noise: Mapping[Kind, Noise]) -> tuple[Flo
     return np.concatenate(residuals), np.concatenate(differences)
 
 
-def steps(model: JointModel, hypothesis: Hypothesis, z: Floats) -> Floats:
-    """Signed steps of finite differences that stay within the bounds."""
-    _, high = bounds(model, hypothesis)
-    size = np.array(
-        [NUISANCE_STEP] * len(model.nuisances)
-        + [
-            max(STEP * max(1.0, abs(x)), TICKS_S / k.unit if k.parameter.unit == "s" else 0.0)
-            for x, k in zip(z[len(model.nuisances) :], hypothesis.knobs, strict=True)
-        ]
+def steps(
+    model: JointModel, hypothesis: Hypothesis, z: Floats, relative: Floats | None = None
+) -> Floats:
+    """Signed steps of finite differences that stay within the bounds.
+
+    ``relative`` are those of the knobs, in their units or, where they are greater, values.
+    """
+    low, high = bounds(model, hypothesis)
+    count = len(model.nuisances)
+    if relative is None:
+        relative = np.full(len(hypothesis.knobs), STEP)
+    least = np.array(
+        [TICKS_S / k.unit if k.parameter.unit == "s" else 0.0 for k in hypothesis.knobs]
     )
-    return np.where(z + size > high, -size, size)
+    knobs = np.maximum(relative * np.maximum(1.0, np.abs(z[count:])), least)
+    size = np.concatenate([np.full(count, NUISANCE_STEP), knobs])
+    down = z + size > high
+    room = np.where(down, z - low, high - z)  # the side with more room, where neither is enough
+    down = np.where(down & (room < size), z - low > high - z, down)
+    return np.where(down, -1.0, 1.0) * np.minimum(
+        size, np.maximum(np.maximum(z - low, high - z), 1e-9)
+    )
 
 
 def linearise(
@@ -107,19 +124,38 @@ def linearise(
     which: Sequence[int] | None = None,
 ) -> tuple[Floats, Floats]:
     """Whitened residual (n,) and its Jacobian (n, len(z)) at ``z``, without priors."""
-    size = steps(model, hypothesis, z)
-    vectors = [z + np.eye(len(z))[k] * size[k] for k in range(len(z))]
     base = model.residuals(hypothesis, [z], which)[0]
-    turns = [model.turns_controller(hypothesis, k) for k in range(len(z))]
-    moved: list[Blocks] = [{}] * len(z)
-    for controller, kinds in ((True, tuple(Kind)), (False, (Kind.POSITION, Kind.VOLTAGE))):
-        these = [k for k in range(len(z)) if turns[k] is controller]
-        if these:
-            found = model.residuals(hypothesis, [vectors[k] for k in these], which, kinds)
-            for k, blocks in zip(these, found, strict=True):
-                moved[k] = base | blocks
-    residual, differences = whitened([base, *moved], noise)
-    return residual, differences / size
+
+    def differences(size: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
+        moved: list[Blocks] = [{}] * len(columns)
+        for controller, kinds in ((True, tuple(Kind)), (False, (Kind.POSITION, Kind.VOLTAGE))):
+            these = [
+                i
+                for i, k in enumerate(columns)
+                if model.turns_controller(hypothesis, k) is controller
+            ]
+            if these:
+                vectors = [z + np.eye(len(z))[columns[i]] * size[columns[i]] for i in these]
+                found = model.residuals(hypothesis, vectors, which, kinds)
+                for i, blocks in zip(these, found, strict=True):
+                    moved[i] = base | blocks
+        return whitened([base, *moved], noise)
+
+    size = steps(model, hypothesis, z)
+    residual, change = differences(size, range(len(z)))
+    count = len(model.nuisances)
+    length = np.linalg.norm(change[:, count:], axis=0)
+    badly = np.flatnonzero((length < RANGE[0]) | (length > RANGE[1]))
+    if len(badly):
+        wanted = np.clip(STEP * LONG / np.maximum(length, 1e-9), *STEPS)
+        again = steps(
+            model, hypothesis, z, np.where(np.isin(np.arange(len(wanted)), badly), wanted, STEP)
+        )
+        columns = [int(count + k) for k in badly if abs(again[count + k]) != abs(size[count + k])]
+        if columns:
+            _, change[:, columns] = differences(again, columns)
+            size[columns] = again[columns]
+    return residual, change / size
 
 
 def fit(
@@ -131,7 +167,48 @@ def fit(
     rounds: int = ROUNDS,
     evaluations: int = 3,
 ) -> Fit:
-    """Fit a hypothesis from ``start`` on some recordings (all)."""
+    """Fit a hypothesis from ``start`` on some recordings (all); a fit that was kept is not done."""
+    key = ""
+    if model.journal is not None:
+        told = sorted((k.value, n) for k, n in noise.items()) if noise else None
+        numbers = (told, which and list(which), rounds, evaluations)
+        key = digest("fit", model.key, hypothesis.knobs, start, numbers)
+        if (kept := model.journal.get(key)) is not None:
+            return _recalled(hypothesis, kept)
+    found = _fitted(model, hypothesis, start, noise, which, rounds, evaluations)
+    if model.journal is not None:
+        model.journal.put(key, _kept(found))
+    return found
+
+
+def _kept(found: Fit) -> dict[str, Any]:
+    return {
+        "z": found.z.tolist(),
+        "noise": {k.value: [n.white, n.coloured, n.memory_s] for k, n in found.noise.items()},
+        "cost": found.cost,
+        "costs": [[r, kind.value, x] for (r, kind), x in found.costs.items()],
+    }
+
+
+def _recalled(hypothesis: Hypothesis, kept: Mapping[str, Any]) -> Fit:
+    return Fit(
+        hypothesis,
+        np.array(kept["z"], np.float64),
+        {Kind(name): Noise(*numbers) for name, numbers in kept["noise"].items()},
+        kept["cost"],
+        {(r, Kind(name)): x for r, name, x in kept["costs"]},
+    )
+
+
+def _fitted(
+    model: JointModel,
+    hypothesis: Hypothesis,
+    start: Floats,
+    noise: Mapping[Kind, Noise] | None,
+    which: Sequence[int] | None,
+    rounds: int,
+    evaluations: int,
+) -> Fit:
     low, high = bounds(model, hypothesis)
     z = np.clip(start, low, high)
     blocks = model.residuals(hypothesis, [z], which)[0]

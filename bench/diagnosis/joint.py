@@ -16,6 +16,7 @@ from sim.robot import PhysicalRobot
 from .contradiction import supply_contradiction
 from .fit import EDGE, Fit, block_rms, bounds, estimate_noise, fit
 from .floor import ENGINE_RAD, noise_floor, tolerance
+from .journal import Journal
 from .knobs import joint_effects
 from .lost import lost_samples
 from .model import Blocks, Hypothesis, JointModel, Kind
@@ -24,8 +25,9 @@ from .observed import Observed
 from .regimes import localise
 from .remainder import Remainder, remainder
 from .result import Cause, Diagnosis, Estimate, FitSummary
-from .rivals import rivals
+from .rivals import contemporaries, rivals
 from .search import HARM, Gain, Progress, covariances, drop, grow, held_out, inside, score_outside
+from .watch import Watch
 
 Floats = NDArray[np.float64]
 
@@ -58,16 +60,20 @@ def diagnose_joint(
     glitches: bool = True,
     seed: int = 0,
     say: Progress = lambda _: None,
+    journal: Journal | None = None,
 ) -> JointFindings:
     """Diagnose one joint on ``observed`` recordings, judge it on ``judged`` ones.
 
     ``base`` is what the operator believes; ``effects`` the catalogue to choose from;
-    ``glitches`` is whether ``lost_samples`` is of it.
+    ``glitches`` is whether ``lost_samples`` is of it. Where ``say`` is a :class:`Watch` and its
+    time runs out, the search ends, and what was found until then is judged and told. ``journal``
+    keeps what is done, and has what was done before.
     """
+    watch = say if isinstance(say, Watch) else Watch(say)
     effects = joint_effects() if effects is None else dict(effects)
-    model = JointModel(base, robot, observed)
-    judge = JointModel(base, robot, judged) if judged else model
-    say("fitting what the operator believes")
+    model = JointModel(base, robot, observed, journal)
+    judge = JointModel(base, robot, judged, journal) if judged else model
+    watch.tell("fitting what the operator believes")
     before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
     start_blocks = model.residuals(Hypothesis(), [before.z])[0]
     floor = noise_floor(observed, start_blocks)
@@ -75,8 +81,9 @@ def diagnose_joint(
         Kind.POSITION: tolerance(floor)
     }
     rejected: list[Mapping[str, Any]] = []
-    after, taken, confirmed = grow(model, before, dict(effects), say, floors)
-    while judged and (worse := _denied(model, judge, after, taken, floors, say)) is not None:
+    after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
+    tell = watch.tell
+    while judged and (worse := _denied(model, judge, after, taken, floors, tell)) is not None:
         rejected.append(
             {
                 "effect": worse.effect,
@@ -85,19 +92,22 @@ def diagnose_joint(
             }
         )
         effects = {name: e for name, e in effects.items() if name != worse.effect}
-        if len(rejected) == 1:  # a second thought; after that, names are only taken back
-            after, taken, confirmed = grow(model, before, effects, say, floors)
+        if len(rejected) == 1 and watch.stopped is None:
+            # a second thought; after that, names are only taken back
+            after, taken, confirmed = grow(model, before, effects, watch, floors)
         else:
             after, *_ = drop(model, after, worse.effect)
             taken = [gain for gain in taken if gain.effect != worse.effect]
     whole = score_outside(model, after) if len(taken) > 1 else []
     causes, nexts = [], []
     for gain in taken:
-        probability, close, fits, without = rivals(
-            model, after, gain.effect, effects, confirmed, say
+        probability, close, fits, without = (
+            contemporaries(model, after, gain, confirmed)
+            if watch.late
+            else rivals(model, after, gain.effect, effects, confirmed, tell)
         )
-        if fits:
-            say(f"what would tell {gain.effect} from its rivals")
+        if fits and not watch.late:
+            tell(f"what would tell {gain.effect} from its rivals")
             nexts += next_experiments(model, after, fits, gain.inflation)
         outside = gain.held_out
         if whole:
@@ -116,8 +126,8 @@ def diagnose_joint(
         )
     lost = lost_samples(observed, after.noise[Kind.POSITION].total) if glitches else None
     causes += [lost] if lost else []
-    rejected += supply_contradiction(model, after, say)
-    say("looking at what is left")
+    rejected += () if watch.late else supply_contradiction(model, after, tell)
+    tell("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]
     rest = remainder(judge, blocks, seed)
     left = block_rms(blocks, Kind.POSITION)
@@ -142,7 +152,7 @@ def diagnose_joint(
         ),
         unexplained=_unexplained(judge, blocks, rest, floor, seed) if structured else (),
         next_experiment=tuple(nexts),
-        limits=_limits(model, after, {kind for _, kind in start_blocks}),
+        limits=_limits(model, after, {kind for _, kind in start_blocks}, watch),
         rejected=tuple(rejected),
         channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
         ranking=tuple(
@@ -155,7 +165,8 @@ def diagnose_joint(
             }
             for g in confirmed
         ),
-        details={
+        details=({"stopped": watch.stopped} if watch.stopped else {})
+        | {
             "rollouts": model.rollouts,
             "nuisances": {
                 n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
@@ -314,8 +325,15 @@ def _channels(model: JointModel, before: Blocks, after: Blocks) -> tuple[Mapping
     return tuple(rows)
 
 
-def _limits(model: JointModel, after: Fit, kinds: Collection[Kind]) -> tuple[str, ...]:
+def _limits(
+    model: JointModel, after: Fit, kinds: Collection[Kind], watch: Watch
+) -> tuple[str, ...]:
     said = []
+    if watch.stopped is not None:
+        said.append(
+            f"the time was used up before {watch.stopped!r}: effects may be missing that nobody "
+            "had the time to try; the same command goes on from there"
+        )
     if Kind.DUTY in set(model.floors()) - set(kinds):
         said.append(
             "the load or duty register was read and hardly ever changes: controller and motor are "

@@ -14,6 +14,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
+from .journal import Journal, code, digest
 from .knobs import Knob, nuisances, with_effects
 from .noise import Block
 from .observed import Channel, Observed
@@ -80,8 +82,15 @@ class JointModel:
     A vector ``z`` is the nuisances in the order of :attr:`nuisances`, then the hypothesis's knobs.
     """
 
-    def __init__(self, base: PhysicalRobot, robot: Robot, observed: Sequence[Observed]) -> None:
+    def __init__(
+        self,
+        base: PhysicalRobot,
+        robot: Robot,
+        observed: Sequence[Observed],
+        journal: Journal | None = None,
+    ) -> None:
         self.base = base
+        self.journal = journal  #: of steps that are done, if they are kept
         self.observed = tuple(observed)
         joint = observed[0].joint
         self.mount = robot.by_joint[joint]
@@ -106,6 +115,18 @@ class JointModel:
         self._made: dict[object, Candidate] = {}
         self._arm_loads: dict[object, Load] = {}
         self.rollouts = 0  #: how many were run so far
+
+    @cached_property
+    def key(self) -> str:
+        """A hash of all that residuals depend on: the code, the robot, what was observed."""
+        return digest(
+            code(),
+            self.base,
+            self.mount,
+            self._load_refresh_s,
+            [(n.name, n.deviation, n.reach) for n in self.nuisances],
+            *(part for one in self.observed for part in one.parts()),
+        )
 
     def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
         """Whether number ``k`` of a vector is one that the controller's duty depends on."""

@@ -73,6 +73,16 @@ class Observed:
         """The channel every joint has."""
         return self.channels[Channel.POSITION]
 
+    def parts(self) -> list[Any]:
+        """All that residuals depend on, as arrays and plain values."""
+        replay = self.replay
+        told = [self.name, self.group, self.joint, sorted(self.condition.items(), key=str)]
+        told += [replay.start, replay.events, replay.samples]
+        told += [replay.position_rad, replay.velocity_rad_s, self.posture_rad]
+        for channel, samples in self.channels.items():
+            told += [channel.word, samples.register, samples.t_s, samples.value, samples.good]
+        return told
+
 
 def observe(
     recordings: Sequence[Recording], robot: Robot, joint: str, *, supply_from_register: bool = True

@@ -32,8 +32,6 @@ def rivals(
     """
     say(f"what {name} could be instead")
     without, own_nats, inflations = drop(model, now, name)
-    nats: dict[str, float] = {}
-    fits: dict[str, Fit] = {}
     tried: list[Gain] = []
     if len(now.hypothesis.effects) == 1:  # the search has fitted them already
         tried = [g for g in known if g.fit.hypothesis.effects == (g.effect,) and g.effect != name]
@@ -43,11 +41,33 @@ def rivals(
         ]
         for _, other, start in screen(model, without, others)[:TRIED]:
             tried.append(confirm(model, without, effects[other], start))
-    for gain in tried:
-        nats[gain.effect], fits[gain.effect] = gain.nats, gain.fit
-    scale = float(np.exp(np.mean(np.log([inflations, *(g.inflation for g in tried)]))))
+    probability, close = _among(model, own_nats, inflations, tried)
+    fits = {gain.effect: gain.fit for gain in tried}
+    return probability, close, {r.effect: fits[r.effect] for r in close}, without
+
+
+def contemporaries(
+    model: JointModel, now: Fit, named: Gain, known: Sequence[Gain]
+) -> tuple[float, list[Rival], dict[str, Fit], Fit]:
+    """As :func:`rivals`, from what was fitted beside an effect when it was taken: nothing new."""
+    before = set(named.fit.hypothesis.effects) - {named.effect}
+    tried = [
+        g
+        for g in known
+        if g.effect != named.effect and set(g.fit.hypothesis.effects) == before | {g.effect}
+    ]
+    without, *_ = drop(model, now, named.effect)
+    probability, close = _among(model, named.nats, named.inflation, tried)
+    return probability, close, {}, without
+
+
+def _among(
+    model: JointModel, own_nats: float, own_inflation: float, tried: Sequence[Gain]
+) -> tuple[float, list[Rival]]:
+    """Probability of an effect among some that were fitted in its place, and those close behind."""
+    scale = float(np.exp(np.mean(np.log([own_inflation, *(g.inflation for g in tried)]))))
     own = own_nats / scale
-    gains = {other: value / scale for other, value in nats.items()}
+    gains = {g.effect: g.nats / scale for g in tried}
     weights = {other: float(np.exp(TEMPER * min(0.0, g - own))) for other, g in gains.items()}
     total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, own)))
     close = [
@@ -55,5 +75,4 @@ def rivals(
         for other, gain in gains.items()
         if own - gain < CLOSE
     ]
-    close.sort(key=lambda r: r.behind_nats)
-    return 1.0 / total, close, {r.effect: fits[r.effect] for r in close}, without
+    return 1.0 / total, sorted(close, key=lambda r: r.behind_nats)

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from sim.effects import Effect, catalogue
 
 from .fit import Fit, Score, fit, linearise, score
+from .journal import digest
 from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
 from .model import JointModel, Kind
 from .noise import CLIP, whiten
+from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -104,8 +106,27 @@ def screen(
     """Effects by how well one try of each fits: gain [nats], name, and vector to start from.
 
     Every try is one rollout; what nuisances and effects already in could do instead is projected
-    out by their tangents, and the noise scaled to what is left.
+    out by their tangents, and the noise scaled to what is left. A ranking that was kept is not
+    made again.
     """
+    effects = list(effects)
+    key = ""
+    if model.journal is not None:
+        noise = sorted((k.value, n) for k, n in base.noise.items())
+        names = [e.name for e in effects]
+        told = (noise, names, which and list(which))
+        key = digest("screen", model.key, base.hypothesis.knobs, base.z, told)
+        if (kept := model.journal.get(key)) is not None:
+            return [(gain, name, np.array(x, np.float64)) for gain, name, x in kept["ranking"]]
+    ranking = _ranking(model, base, effects, which)
+    if model.journal is not None:
+        model.journal.put(key, {"ranking": [(g, name, x.tolist()) for g, name, x in ranking]})
+    return ranking
+
+
+def _ranking(
+    model: JointModel, base: Fit, effects: Iterable[Effect], which: Sequence[int] | None
+) -> list[tuple[float, str, Floats]]:
     residual, tangents = linearise(model, base.hypothesis, base.z, base.noise, which)
     count = len(model.nuisances)
     prior = np.zeros(len(base.z))
@@ -245,40 +266,44 @@ def grow(
     """Take effects one by one while they gain; the fit, those taken, and all that were confirmed.
 
     ``floors`` are the deviations of every kind that a perfect model would leave. After every step
-    effects that no longer gain are dropped.
+    effects that no longer gain are dropped. Where ``say`` is out of time, what was taken until then
+    is given.
     """
     taken: list[Gain] = []
     confirmed: list[Gain] = []
     now = base
-    for step in range(most):
-        say(f"step {step + 1}: trying every effect")
-        left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
-        ranking = screen(model, now, left)
-        ranking = ranking[:SURE] + [r for r in ranking[SURE:CONFIRMED] if r[0] > PROMISING]
-        gains = []
-        for _, name, start in ranking:
-            say(f"step {step + 1}: fitting {name}")
-            gains.append(confirm(model, now, effects[name], start))
-        gains = ranked(gains)
-        confirmed += gains
-        chosen = None
-        plain: list[Score] | None = None
-        for gain in gains[:2]:
-            if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
+    try:
+        for step in range(most):
+            say(f"step {step + 1}: trying every effect")
+            left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
+            ranking = screen(model, now, left)
+            ranking = ranking[:SURE] + [r for r in ranking[SURE:CONFIRMED] if r[0] > PROMISING]
+            gains = []
+            for _, name, start in ranking:
+                say(f"step {step + 1}: fitting {name}")
+                gains.append(confirm(model, now, effects[name], start))
+            gains = ranked(gains)
+            confirmed += gains
+            chosen = None
+            plain: list[Score] | None = None
+            for gain in gains[:2]:
+                if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
+                    break
+                if inside(model, now, gain.fit, floors).relief < RELIEF:
+                    continue
+                say(f"step {step + 1}: {gain.effect} on recordings left out")
+                plain = plain or score_outside(model, now)
+                outside = held_out(plain, score_outside(model, gain.fit), floors)
+                if outside.nats / gain.inflation > HELD_OUT and outside.relief > RELIEF:
+                    chosen = Gain(gain.effect, gain.fit, gain.nats, gain.inflation, outside)
+                    break
+            if chosen is None:
                 break
-            if inside(model, now, gain.fit, floors).relief < RELIEF:
-                continue
-            say(f"step {step + 1}: {gain.effect} on recordings left out")
-            plain = plain or score_outside(model, now)
-            outside = held_out(plain, score_outside(model, gain.fit), floors)
-            if outside.nats / gain.inflation > HELD_OUT and outside.relief > RELIEF:
-                chosen = Gain(gain.effect, gain.fit, gain.nats, gain.inflation, outside)
-                break
-        if chosen is None:
-            break
-        now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
-        taken.append(chosen)
-        now, taken = prune(model, now, taken, say)
+            now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
+            taken.append(chosen)
+            now, taken = prune(model, now, taken, say)
+    except OutOfTimeError:
+        pass
     return now, taken, confirmed
 
 

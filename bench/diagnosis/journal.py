@@ -1,0 +1,79 @@
+"""What a run has worked out, kept on disk step by step: a run that is stopped goes on from there.
+
+A step is a fit, or a screening of effects. Its key is a hash of all that it depends on: the code,
+the robot, the recordings, the hypothesis and where it starts. A run that is repeated takes the same
+steps and finds those that are done, so its answers are the same to the bit. Each step is a small
+JSON file, whole or not there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+FOLDER = "progress"  #: in the folder of answers, until a run is finished
+CODE = ("bench", "busemu", "sim")  #: packages whose code and tables make the answers
+
+
+class Journal:
+    """Steps that are done, by their keys."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.recalled = 0  #: steps that had been done before
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        """What a step gave, if it is done. A file that is no JSON counts as none."""
+        try:
+            found = json.loads((self.folder / f"{key}.json").read_text("utf-8"))
+        except (OSError, ValueError):
+            return None
+        if not isinstance(found, dict):
+            return None
+        self.recalled += 1
+        return found
+
+    def put(self, key: str, given: Mapping[str, Any]) -> None:
+        """Keep what a step gave. Raises ``OSError``."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        part = self.folder / f"{key}.{os.getpid()}.part"
+        part.write_text(json.dumps(given), "utf-8")
+        os.replace(part, self.folder / f"{key}.json")
+
+    def finished(self) -> None:
+        """Forget the steps: the answers are written."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def digest(*parts: Any) -> str:
+    """A hash of arrays (to the bit) and of what other values are written as."""
+    total = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            total.update(f"{part.dtype} {part.shape} ".encode())
+            total.update(np.ascontiguousarray(part).tobytes())
+        else:
+            total.update(repr(part).encode())
+        total.update(b"\0")
+    return total.hexdigest()[:32]
+
+
+@cache
+def code() -> str:
+    """A hash of the code that makes the answers: other code may give others."""
+    root = Path(__file__).parents[2]
+    files = sorted(
+        path
+        for package in CODE
+        for suffix in ("*.py", "*.toml")
+        for path in (root / package).rglob(suffix)
+    )
+    return digest(*(path.read_bytes() for path in files))
