@@ -166,16 +166,20 @@ def fit(
     which: Sequence[int] | None = None,
     rounds: int = ROUNDS,
     evaluations: int = 3,
+    held: Sequence[int] = (),
 ) -> Fit:
-    """Fit a hypothesis from ``start`` on some recordings (all); a fit that was kept is not done."""
+    """Fit a hypothesis from ``start`` on some recordings (all); numbers ``held`` stay there.
+
+    A fit that was kept is not done again.
+    """
     key = ""
     if model.journal is not None:
         told = sorted((k.value, n) for k, n in noise.items()) if noise else None
-        numbers = (told, which and list(which), rounds, evaluations)
+        numbers = (told, which and list(which), rounds, evaluations, list(held))
         key = digest("fit", model.key, hypothesis.knobs, start, numbers)
         if (kept := model.journal.get(key)) is not None:
             return _recalled(hypothesis, kept)
-    found = _fitted(model, hypothesis, start, noise, which, rounds, evaluations)
+    found = _fitted(model, hypothesis, start, noise, which, rounds, evaluations, held)
     if model.journal is not None:
         model.journal.put(key, _kept(found))
     return found
@@ -208,9 +212,11 @@ def _fitted(
     which: Sequence[int] | None,
     rounds: int,
     evaluations: int,
+    held: Sequence[int],
 ) -> Fit:
     low, high = bounds(model, hypothesis)
     z = np.clip(start, low, high)
+    low[list(held)] = high[list(held)] = z[list(held)]
     blocks = model.residuals(hypothesis, [z], which)[0]
     noise = estimate_noise(model, blocks, noise)
     count = len(model.nuisances)
