@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from .diagnosis.joint import JointFindings
     from .diagnosis.running import Split
-    from .recording import Recording
 
 
 def diagnose(
@@ -56,7 +55,11 @@ def diagnose(
     ] = None,
     budget: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Give up when so much time is used. Default: never."),
+        typer.Option(
+            metavar="SECONDS",
+            help="Search no longer than this, and tell what was found until then. The same "
+            "command with more time goes on from there.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of what is drawn: shuffles, random features.")] = 0,
 ) -> None:
@@ -73,61 +76,72 @@ def diagnose(
         busemu diagnose --robot my-arm.toml --out found --holdout logs/walk-3.parquet logs/
 
     found/report.html shows it in pictures, found/model.toml is the better robot file. It takes
-    minutes. An arm is diagnosed joint by joint, with a page for each that moves. What the words
-    mean stands in docs/how-to/diagnose.md.
+    minutes; a run that was stopped goes on when the same command is given again. An arm is
+    diagnosed joint by joint. What the words mean stands in docs/how-to/diagnose.md.
     """
+    from .diagnosis.journal import FOLDER, Journal
     from .diagnosis.report import Origin, traces_of, write_report
-    from .diagnosis.running import DiagnosisError, write
     from .diagnosis.running import diagnose as run
+    from .diagnosis.running import write
+    from .diagnosis.sense import DiagnosisError, check_numbers
     from .diagnosis.summary import show
-    from .diagnosis.together import joint_of, together
+    from .diagnosis.together import together
+    from .diagnosis.watch import Watch
     from .recording import RecordingError
 
     if budget is not None and not budget > 0.0:
         fail(f"--budget must be more than 0 seconds, not {budget:g}")
     end_by_interrupt()
+    journal = Journal(out / FOLDER)
     try:
         described = load_robot(robot)
         parts = _parts(recordings, holdout or [], robot, described)
         out.mkdir(parents=True, exist_ok=True)
         _announce(described, parts)
         with _stages() as say:
+            watch = Watch(say, budget)
             findings = run(
                 described,
                 parts,
                 without=without or (),
                 seed=seed,
-                say=say if budget is None else within(budget, say),
+                say=watch,
+                journal=journal,
+                known=check_numbers((*parts.fitted, *parts.judging), watch.tell),
             )
             say("writing the report")
             on = date.today()
+            diagnosis = together(findings)
             write(described, findings, out, on)
-            written = [out / "diagnosis.json", out / "model.toml"]
-            for found in findings:
-                origin = Origin(
-                    robot=described.name,
-                    title=str(described.document.get("title", robot)),
-                    fitted=tuple(o.name for o in found.model.observed),
-                    left_out=tuple(without or ()),
-                    seed=seed,
-                    on=on,
-                    model=str(out / "model.toml"),
-                )
-                page = "report" if len(findings) == 1 else f"report-{joint_of(found)}"
-                written.append(out / f"{page}.html")
-                write_report(written[-1], found.diagnosis, traces_of(found), origin)
+            origin = Origin(
+                robot=described.name,
+                title=str(described.document.get("title", robot)),
+                fitted=tuple(o.name for o in findings[0].model.observed),
+                left_out=tuple(without or ()),
+                seed=seed,
+                on=on,
+                model=str(out / "model.toml"),
+            )
+            traces = [trace for found in findings for trace in traces_of(found)]
+            write_report(out / "report.html", diagnosis, traces, origin)
     except (RobotError, TableError, RecordingError, DiagnosisError) as error:
         fail(error)
     except OSError as error:
         fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
     except KeyboardInterrupt:
-        typer.echo(f"interrupted; files in {out} are whole, those of this run may be missing")
+        typer.echo(
+            f"interrupted; files in {out} are whole, those of this run may be missing; "
+            "the same command goes on from here"
+        )
         raise typer.Exit(130) from None
-    for found in findings:
-        _tell_of_left_out(parts, found)
+    if not watch.late:
+        journal.finished()
+    if journal.recalled:
+        typer.echo(f"{journal.recalled} steps were there from an earlier run")
     if len(findings) > 1:
         _tell_joints(findings)
-    show(together(findings), _console(), written, out / "model.toml")
+    written = [out / name for name in ("diagnosis.json", "model.toml", "report.html")]
+    show(diagnosis, _console(), written, out / "model.toml")
 
 
 def _tell_joints(findings: Sequence[JointFindings]) -> None:
@@ -143,28 +157,10 @@ def _tell_joints(findings: Sequence[JointFindings]) -> None:
         )
 
 
-def within(
-    budget_s: float, say: Callable[[str], None], now_s: Callable[[], float] = time.monotonic
-) -> Callable[[str], None]:
-    """``say``, until the time is used up: then it raises ``DiagnosisError`` instead."""
-    from .diagnosis.running import DiagnosisError
-
-    start_s = now_s()
-
-    def checked(stage: str) -> None:
-        if now_s() - start_s > budget_s:
-            raise DiagnosisError(
-                f"--budget of {budget_s:g} s is used up before {stage!r}, and nothing was written: "
-                "give more time or fewer recordings, or take effects out with --without"
-            )
-        say(stage)
-
-    return checked
-
-
 def _parts(paths: Sequence[Path], holdout: Sequence[Path], name: str, robot: Robot) -> Split:
     """What fits and what judges. Raises ``RecordingError`` and ``DiagnosisError``."""
-    from .diagnosis.running import DiagnosisError, Split, split
+    from .diagnosis.running import Split, split
+    from .diagnosis.sense import DiagnosisError, check_motion, check_servos
     from .importers import open_recordings
     from .importers.opening import expanded
 
@@ -177,52 +173,9 @@ def _parts(paths: Sequence[Path], holdout: Sequence[Path], name: str, robot: Rob
         )
     read, judging = open_recordings(fitted, name), open_recordings(held, name)
     for recording in (*read, *judging):
-        _check_servos(recording, robot)
-    _check_motion(read, robot)
+        check_servos(recording, robot)
+    check_motion(read, robot)
     return Split(tuple(read), tuple(judging)) if judging else split(read)
-
-
-def _check_servos(recording: Recording, robot: Robot) -> None:
-    """Refuse a recording of other servos than the robot's."""
-    from .recording import RecordingError
-
-    for servo_id in recording.servo_ids:
-        mount = robot.by_id.get(servo_id)
-        if mount is None:
-            known = ", ".join(str(i) for i in sorted(robot.by_id))
-            raise RecordingError(
-                recording.path,
-                f"servo {servo_id} is none of {robot.name} (it has {known}): "
-                "is this a recording of another robot?",
-            )
-        model = recording.models.get(servo_id)
-        if model is not None and model.model != mount.model:
-            raise RecordingError(
-                recording.path,
-                f"servo {servo_id} is {model.model}, but {mount.model} in {robot.name}: "
-                "is this a recording of another robot?",
-            )
-
-
-def _check_motion(recordings: Sequence[Recording], robot: Robot) -> None:
-    """Refuse recordings in which nothing ever moves: they say nothing about a model."""
-    from .diagnosis.running import DiagnosisError
-
-    spans = []
-    for recording in recordings:
-        for servo_id in robot.by_id:
-            raw = recording.series(servo_id, "present_position", "read").value
-            if len(raw):
-                spans.append((float(raw.min()), float(raw.max()), servo_id))
-    for servo_id in {servo for _, _, servo in spans}:
-        own = [(low, high) for low, high, servo in spans if servo == servo_id]
-        if min(low for low, _ in own) < max(high for _, high in own):
-            return
-    if spans:
-        raise DiagnosisError(
-            f"present_position never changes in {len(recordings)} recordings: "
-            "record motions, or look with busemu inspect at what was recorded"
-        )
 
 
 def _announce(robot: Robot, parts: Split) -> None:
@@ -241,17 +194,6 @@ def _announce(robot: Robot, parts: Split) -> None:
             "note: too few groups of recordings to hold any out: what is found is judged on what "
             "was fitted; record more motions, or use --holdout"
         )
-
-
-def _tell_of_left_out(parts: Split, found: JointFindings) -> None:
-    """Say which recordings told too little to be used."""
-    used = {o.name for o in (*found.model.observed, *found.judge.observed)}
-    for recording in (*parts.fitted, *parts.judging):
-        if recording.name not in used:
-            typer.echo(
-                f"note: {recording.path or recording.name} was left out: too few positions of "
-                f"{found.model.observed[0].joint}, or no write to its servo"
-            )
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 FOLDER = "progress"  #: in the folder of answers, until a run is finished
-CODE = ("bench", "busemu", "sim")  #: packages whose code and tables make the answers
+CODE = ("bench/diagnosis", "sim")  #: what makes answers of a robot and of what was observed
 
 
 class Journal:
@@ -28,7 +28,8 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.recalled = 0  #: steps that had been done before
+        self.recalled = 0  #: steps that an earlier run had done
+        self._own: set[str] = set()
 
     def get(self, key: str) -> dict[str, Any] | None:
         """What a step gave, if it is done. A file that is no JSON counts as none."""
@@ -38,7 +39,8 @@ class Journal:
             return None
         if not isinstance(found, dict):
             return None
-        self.recalled += 1
+        self.recalled += key not in self._own
+        self._own.add(key)
         return found
 
     def put(self, key: str, given: Mapping[str, Any]) -> None:
@@ -47,6 +49,7 @@ class Journal:
         part = self.folder / f"{key}.{os.getpid()}.part"
         part.write_text(json.dumps(given), "utf-8")
         os.replace(part, self.folder / f"{key}.json")
+        self._own.add(key)
 
     def finished(self) -> None:
         """Forget the steps: the answers are written."""
@@ -70,10 +73,5 @@ def digest(*parts: Any) -> str:
 def code() -> str:
     """A hash of the code that makes the answers: other code may give others."""
     root = Path(__file__).parents[2]
-    files = sorted(
-        path
-        for package in CODE
-        for suffix in ("*.py", "*.toml")
-        for path in (root / package).rglob(suffix)
-    )
+    files = sorted(path for package in CODE for path in (root / package).rglob("*.py"))
     return digest(*(path.read_bytes() for path in files))

@@ -216,11 +216,13 @@ DOUBTS = {
 }
 
 
-def nuisances(drive: Section) -> tuple[Nuisance, ...]:
-    """The nuisances of a servo, as wide as its section of a robot file says, else as usual."""
+def nuisances(drive: Section, body: Section | None = None) -> tuple[Nuisance, ...]:
+    """The nuisances of a joint, as wide as a robot file says of servo and body, else as usual."""
     told = {
         DOUBTS[key]: deviation for key in DOUBTS if (deviation := drive.deviation(key)) is not None
     }
+    if body is not None and (deviation := body.deviation("mass_kg")) is not None:
+        told["link"] = deviation
     return tuple(
         replace(n, deviation=told[n.name], reach=FARTHEST) if n.name in told else n
         for n in NUISANCES

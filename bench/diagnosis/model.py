@@ -96,8 +96,10 @@ class JointModel:
         self.mount = robot.by_joint[joint]
         self.index = next(i for i, j in enumerate(base.joints) if j.name == joint)
         self.recorded_supply = tuple(Channel.VOLTAGE in o.channels for o in observed)
-        drives = Section(robot.path, "", robot.document).section("drive")
-        self.nuisances = nuisances(drives.section(self.mount.model))
+        told = Section(robot.path, "", robot.document)
+        bodies = told.sections("body") if "body" in told else ()
+        body = next((b for b in bodies if b.table.get("name") == joint), None)
+        self.nuisances = nuisances(told.section("drive").section(self.mount.model), body)
         self._batch = Batch([o.replay for o in observed])
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]

@@ -21,7 +21,10 @@ from .posture import recorded_posture
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+TURN_RAD = 2.0 * np.pi
+DUTY = "foreign/goal_duty"  #: namespace of a duty that no register holds, share of full duty
 LEAST_SAMPLES = 20  #: below this a recording says nothing about a joint
+TURN_COUNTS = 4096  #: of an encoder that has no ends
 STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
 
 
@@ -76,7 +79,8 @@ class Observed:
     def parts(self) -> list[Any]:
         """All that residuals depend on, as arrays and plain values."""
         replay = self.replay
-        told = [self.name, self.group, self.joint, sorted(self.condition.items(), key=str)]
+        told: list[Any] = [self.name, self.group, self.joint]
+        told.append(sorted(self.condition.items(), key=str))
         told += [replay.start, replay.events, replay.samples]
         told += [replay.position_rad, replay.velocity_rad_s, self.posture_rad]
         for channel, samples in self.channels.items():
@@ -85,26 +89,40 @@ class Observed:
 
 
 def observe(
-    recordings: Sequence[Recording], robot: Robot, joint: str, *, supply_from_register: bool = True
+    recordings: Sequence[Recording],
+    robot: Robot,
+    joint: str,
+    *,
+    supply_from_register: bool = True,
+    needed: bool = True,
 ) -> list[Observed]:
     """What some recordings tell of one joint of a robot.
 
     Where a voltage register was read, the replay's supply is what it says (a channel of its own
     then judges what made the voltage). Recordings with too few positions are left out. Raises
-    :class:`RecordingError` when none is left.
+    :class:`RecordingError` when none is left and one is ``needed``.
     """
     found = []
     for recording in recordings:
         one = _observe(recording, robot, joint, supply_from_register)
         if one is not None:
             found.append(one)
-    if not found:
+    if needed and not found:
         raise RecordingError(
             recordings[0].path if recordings else None,
             f"no recording has {LEAST_SAMPLES} positions of joint {joint!r} and a write to its "
             "servo: record goals and present_position",
         )
     return found
+
+
+def left_out(recordings: Sequence[Recording], used: Sequence[Observed]) -> tuple[str, ...]:
+    """Which recordings told too little of a joint to be used, in a line."""
+    names = {one.name for one in used}
+    silent = [recording.name for recording in recordings if recording.name not in names]
+    if not silent:
+        return ()
+    return (f"left out, less than {LEAST_SAMPLES} positions of the joint: {', '.join(silent)}",)
 
 
 def _observe(
@@ -124,10 +142,14 @@ def _observe(
                     break
     if Channel.POSITION not in series or len(series[Channel.POSITION][1]) < LEAST_SAMPLES:
         return None
-    _, times, angles, quantum = series[Channel.POSITION]
+    register, times, angles, quantum = series[Channel.POSITION]
+    angles = unwrapped(angles, quantum)
+    series[Channel.POSITION] = register, times, angles, quantum
     good = lonely(angles, quantum)
     origin = float(min(entry[1][0] for entry in series.values())) - 1e-3
     start, events = drive_commands(recording, mount, table, times[good], angles[good], origin)
+    if len(robot.servos) == 1:
+        start, events = _with_duty(recording, start, events, origin)
     union = np.unique(np.concatenate([entry[1] for entry in series.values()])) - origin
     channels = {}
     for channel, (register, t, value, step) in series.items():
@@ -167,8 +189,37 @@ def _observe(
             .get("registers", {})
             .items()
         },
-        posture_rad=recorded_posture(recording, robot, origin, float(union[-1])),
+        posture_rad=recorded_posture(recording, robot, joint, origin, float(union[-1])),
     )
+
+
+def _with_duty(
+    recording: Recording, start: Floats, events: Floats, origin_s: float
+) -> tuple[Floats, Floats]:
+    """Commands of firmware that applies a logged duty directly, where there is one."""
+    if (0, DUTY, "read") not in recording.by_series:
+        return start, events
+    times, duty = recording.series(0, DUTY, "read")
+    if not len(duty):
+        return start, events
+    start = start.copy()
+    start[kernel.MODE], start[kernel.ENABLED] = kernel.MODE_PWM, 1.0
+    start[kernel.GOAL_DUTY] = duty[max(0, int(np.searchsorted(times, origin_s, "right")) - 1)]
+    first = np.flatnonzero(np.diff(duty, prepend=np.nan) != 0.0)
+    first = first[times[first] > origin_s]
+    field = np.full(len(first), float(kernel.GOAL_DUTY))
+    rows = np.stack([times[first] - origin_s, field, duty[first]], axis=1)
+    events = np.concatenate([events, rows])
+    return start, events[np.argsort(events[:, 0], kind="stable")]
+
+
+def unwrapped(angles: Floats, quantum: float) -> Floats:
+    """Angles [rad] of an encoder without ends, gone on beyond the end of its turn; others as is."""
+    counts = TURN_RAD / quantum
+    if abs(counts - round(counts)) > 1e-6 * counts or round(counts) != TURN_COUNTS:
+        return angles
+    turned: Floats = np.asarray(np.unwrap(angles), np.float64)
+    return angles if (np.abs(turned - angles) < 0.5 * quantum).all() else turned
 
 
 def lonely(values: Floats, quantum: float) -> Mask:

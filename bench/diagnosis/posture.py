@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,20 +20,25 @@ STEP_S = 0.02  #: between the postures of a replay; assumed short against how fa
 
 
 def recorded_posture(
-    recording: Recording, robot: Robot, origin_s: float, end_s: float
+    recording: Recording, robot: Robot, joint: str, origin_s: float, end_s: float
 ) -> Floats | None:
     """Joint angles [rad] over a replay, (n, joints) in the order of the robot's servos.
 
     Rows are spread evenly from ``origin_s`` (host) over ``end_s``. ``None`` for a robot of one
-    joint. Raises :class:`RecordingError` where the position of a servo was not read.
+    joint; a joint that neither bears ``joint`` nor hangs on it stands at 0 where it was not read.
+    Raises :class:`RecordingError` where the position of another servo was not read.
     """
     if len(robot.servos) == 1:
         return None
     t_s = origin_s + np.linspace(0.0, end_s, max(2, 1 + math.ceil(end_s / STEP_S)))
     columns = []
+    chain = _chain(robot, joint)
     for mount in robot.servos:
         key = (mount.servo_id, "present_position", "read")
         times, servo = recording.si(*key) if key in recording.by_series else (t_s[:0], t_s[:0])
+        if not len(times) and mount.joint not in chain:
+            columns.append(np.zeros_like(t_s))
+            continue
         if not len(times):
             raise RecordingError(
                 recording.path,
@@ -42,6 +48,20 @@ def recorded_posture(
         columns.append(mount.direction * np.interp(t_s, times, servo) + mount.zero_rad)
     posture: Floats = np.stack(columns, axis=1)
     return posture
+
+
+def _chain(robot: Robot, joint: str) -> set[str]:
+    """Joints that bear a joint, itself, and those that hang on it."""
+    parents = {body["name"]: body.get("parent") for body in robot.document.get("body", ())}
+    up = {name: set(_bearing(parents, name)) for name in parents}
+    return up.get(joint, set()) | {name for name, bearing in up.items() if joint in bearing}
+
+
+def _bearing(parents: Mapping[str, str | None], name: str) -> Iterator[str]:
+    at: str | None = name
+    while at is not None:
+        yield at
+        at = parents.get(at)
 
 
 def arm_load(robot: PhysicalRobot, mount: ServoMount, posture_rad: Floats) -> Load:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
@@ -18,10 +18,13 @@ from sim.model import read_model
 
 from .improved import write_improved
 from .joint import JointFindings, diagnose_joint
+from .journal import Journal
 from .knobs import joint_effects
-from .observed import Observed, observe
+from .observed import Observed, left_out, observe
 from .search import Progress
+from .sense import DiagnosisError
 from .together import together
+from .watch import Watch
 
 HELD_OUT_OF = 4  #: one group of so many judges, when nobody says which
 MOVING_QUANTA = 20.0  #: of the register: a joint of an arm that moves less is left out; assumed
@@ -29,10 +32,6 @@ MOVING_QUANTA = 20.0  #: of the register: a joint of an arm that moves less is l
 NOT_IN_ARMS = frozenset({"com_offset"})
 LOST = "lost_samples"  #: the effect that is seen in the data itself
 LEAST_GROUPS = 3  #: with fewer, all are used to fit, and the report says so
-
-
-class DiagnosisError(ValueError):
-    """Recordings or a robot that cannot be diagnosed: what, and what to do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,13 +66,18 @@ def diagnose(
     without: Sequence[str] = (),
     seed: int = 0,
     say: Progress = lambda _: None,
+    journal: Journal | None = None,
+    known: Sequence[str] = (),
 ) -> list[JointFindings]:
     """Diagnose every joint of a rig or an arm that moves in the recordings, each on its own.
 
     In an arm the load on a joint is what the recorded posture of the others makes of it.
-    ``without`` names effects that are taken out of the catalogue. Raises :class:`DiagnosisError`,
+    ``without`` names effects that are taken out of the catalogue; ``known`` is what is odd about
+    the recordings, for the limits. Where ``say`` is a :class:`Watch` and its time runs out, joints
+    that were not begun are left out, and the limits say so. Raises :class:`DiagnosisError`,
     :class:`bench.recording.RecordingError` and :class:`sim.entries.PhysicsError`.
     """
+    watch = say if isinstance(say, Watch) else Watch(say)
     base = read_model(robot)
     effects = without_effects(without)
     if base.trunk is not None:
@@ -82,39 +86,45 @@ def diagnose(
         )
     if len(base.joints) > 1:
         effects = {name: e for name, e in effects.items() if name not in NOT_IN_ARMS}
-    findings = []
+    findings: list[JointFindings] = []
+    left: list[str] = []
     for joint in (j.name for j in base.joints):
-        fitted = observe(parts.fitted, robot, joint)
-        if len(base.joints) > 1 and not any(moves(o) for o in fitted):
-            say(f"{joint} never moves: left out")
+        fitted = observe(parts.fitted, robot, joint, needed=len(base.joints) == 1)
+        if len(base.joints) > 1 and not any(map(moves, fitted)):
+            watch.tell(f"{joint} never moves: left out")
+            left.append(f"{joint} was left out: it never moves")
             continue
-        judging: Sequence[Observed] = observe(parts.judging, robot, joint) if parts.judging else ()
-        told = say if len(base.joints) == 1 else _of_joint(joint, say)
-        findings.append(
-            diagnose_joint(
-                base,
-                robot,
-                fitted,
-                judging,
-                effects=effects,
-                glitches=LOST not in without,
-                seed=seed,
-                say=told,
-            )
+        if findings and watch.late:
+            left.append(f"{joint} was left out: the time was used up before")
+            continue
+        judging = observe(parts.judging, robot, joint, needed=False)
+        found = diagnose_joint(
+            base,
+            robot,
+            fitted,
+            judging,
+            effects=effects,
+            glitches=LOST not in without,
+            seed=seed,
+            say=watch if len(base.joints) == 1 else watch.of(joint),
+            journal=journal,
         )
+        silent = left_out((*parts.fitted, *parts.judging), (*fitted, *judging))
+        findings.append(_with_limits(found, silent))
     if not findings:
         raise DiagnosisError(f"no joint of {robot.name} moves: record motions")
-    return findings
+    return [_with_limits(found, (*left, *known)) for found in findings]
+
+
+def _with_limits(found: JointFindings, more: Sequence[str]) -> JointFindings:
+    limits = (*found.diagnosis.limits, *more)
+    return replace(found, diagnosis=replace(found.diagnosis, limits=limits))
 
 
 def moves(observed: Observed) -> bool:
     """Whether a joint moves by more in a recording than its register's rounding."""
     samples = observed.position
     return float(np.ptp(samples.value[samples.good])) > MOVING_QUANTA * samples.quantum
-
-
-def _of_joint(joint: str, say: Progress) -> Progress:
-    return lambda stage: say(f"{joint}: {stage}")
 
 
 def without_effects(names: Sequence[str]) -> Mapping[str, Effect]:

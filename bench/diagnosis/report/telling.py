@@ -117,12 +117,22 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
             "What is named takes next to nothing of the misfit away: a hint at most, not the cause "
             "of what is seen."
         )
+    if any(details.get("stopped") for details in (diagnosis.details, *_by_joint(diagnosis))):
+        told.append(
+            "The time was used up before the search was done: what is named may not be all, and "
+            "what is left may have a name."
+        )
     doubtful = [c for c in diagnosis.causes if c.probability < 0.5]
     if doubtful:
         told.append(f"Less likely than its rivals together: {joined(named(c) for c in doubtful)}.")
     if diagnosis.causes and not fit.held_out:
         told.append("No recording was held out: what is named was judged on what was fitted.")
     return told
+
+
+def _by_joint(diagnosis: Diagnosis) -> list[Mapping[str, Any]]:
+    """Details of the joints of an arm; of one joint, none."""
+    return list(diagnosis.details.get("joints", {}).values())
 
 
 def places(diagnosis: Diagnosis) -> list[str]:

@@ -106,7 +106,7 @@ def test_the_load_of_a_servo_is_that_of_its_joint_seen_from_the_servo():
 
 def test_the_recorded_posture_is_in_joint_angles():
     goal = goals(3.0)
-    posture = recorded_posture(recording(0, goal, goal), ROBOT, 0.0, 1.0)
+    posture = recorded_posture(recording(0, goal, goal), ROBOT, "elbow", 0.0, 1.0)
     assert posture[0] == pytest.approx(goal[0], abs=0.01)
     assert posture[-1] == pytest.approx(goal[round(1.0 / STEP_S)], abs=0.03)
 
@@ -115,6 +115,26 @@ def test_a_servo_whose_position_was_not_read_is_refused():
     silent = recording(0, goals(3.0), goals(3.0), silent=("shoulder",))
     with pytest.raises(RecordingError, match=r"shoulder.*was not read"):
         observe([silent], ROBOT, "elbow")
+
+
+def test_a_joint_of_another_tree_need_not_be_read():
+    """Two levers beside each other: neither bears the other."""
+    rig = load_robot("sts3215-lever")
+    mount = rig.by_joint["lever"]
+    table = rig.tables[mount.servo_id]
+    rows = [
+        SimpleNamespace(
+            t_s=0.01 * k,
+            t_reply_s=0.01 * k,
+            servo_id=mount.servo_id,
+            op="read",
+            register="present_position",
+            raw=table["present_position"].encode(table["present_position"].from_si(0.01 * k)),
+        )
+        for k in range(40)
+    ]
+    (one,) = observe([Recording.of(rows, {"name": "pulled"})], rig, "lever")
+    assert one.posture_rad.shape[1] == len(rig.servos)
 
 
 def test_a_joint_bears_what_the_others_make_of_it():

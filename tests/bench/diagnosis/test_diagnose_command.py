@@ -1,23 +1,18 @@
 """``busemu diagnose``, as a person types it."""
 
 import json
-import subprocess
-import sys
 import tomllib
 from types import SimpleNamespace
 
 import pytest
+from diagnosing import busemu, refused, without_most, written
 from swinging import ROBOT, swings
 
-from bench.diagnosis.knobs import joint_effects
-from bench.diagnosis.running import DiagnosisError
-from bench.diagnosis_commands import within
 from bench.recording import Recording, write
 from busemu.tables import load_robot
 from sim.effects import effect
 from sim.model import additions, read_model
 
-KNOWN = ("viscous_friction", "coulomb_friction")
 SIZE = 3.0
 FILES = {"diagnosis.json", "model.toml", "report.html"}
 KEYS = (
@@ -41,27 +36,6 @@ CAUSE_KEYS = (
     "indistinguishable_from",
 )
 FIT_KEYS = {"metric", "before", "after", "noise_floor", "held_out", "recordings"}
-
-
-def busemu(*words):
-    command = [sys.executable, "-m", "busemu", "diagnose", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-
-
-def without_most():
-    return [word for name in joint_effects() if name not in KNOWN for word in ("--without", name)]
-
-
-def written(folder, recordings):
-    folder.mkdir(exist_ok=True)
-    return [write(one, folder / f"{one.name}.parquet") for one in recordings]
-
-
-def refused(done, *words):
-    assert done.returncode == 1, done.stdout
-    (line,) = done.stderr.strip().splitlines()
-    for word in ("busemu: ", *words):
-        assert word in line
 
 
 @pytest.fixture(scope="module")
@@ -186,12 +160,3 @@ def test_holding_everything_out_is_refused(still, tmp_path):
 def test_no_time_at_all_is_refused(still, tmp_path):
     words = ("--robot", ROBOT, "--out", tmp_path / "out", "--budget", "0")
     refused(busemu(*words, *still), "--budget must be more than 0")
-
-
-def test_the_next_stage_after_the_budget_is_refused():
-    told, now = [], iter((0.0, 9.0, 11.0))
-    say = within(10.0, told.append, lambda: next(now))
-    say("first")
-    with pytest.raises(DiagnosisError, match=r"10 s is used up before 'second'"):
-        say("second")
-    assert told == ["first"]
