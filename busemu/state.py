@@ -20,13 +20,13 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from .servo import Servo
 from .tables import Robot
+from .tables.toml_file import read_toml
 
 FORMAT = "busemu-state/1"
 BACKUP = "backup"
@@ -151,12 +151,7 @@ class State:
             servo.recall(*values[servo.joint])
 
     def _document(self) -> dict[str, Any]:
-        try:
-            document = tomllib.loads(self.path.read_text("utf-8"))
-        except OSError as error:
-            raise StateError(f"--state {self.path}: {error.strerror}") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise StateError(f"--state {self.path}: not a state file: {error}") from None
+        document = read_toml(self.path, StateError, f"--state {self.path}")
         if document.get("format") != FORMAT:
             raise StateError(
                 f'--state {self.path}: not a state file: needs format = "{FORMAT}"; '

@@ -28,11 +28,12 @@ enters with its mean: a profile gives typical times, without jitter.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections import deque
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
+
+from .tables.toml_file import read_toml
 
 PROFILES = Path(__file__).with_name("profiles")
 
@@ -112,13 +113,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
                 f"no timing profile named {str(name_or_path)!r}: use one of "
                 f"{', '.join(profiles())}, or the path of a profile ending in .toml"
             )
-    try:
-        document = tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise ProfileError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ProfileError(f"{path}: not a TOML file: {error}") from None
-    return _profile(document, path)
+    return _profile(read_toml(path, ProfileError), path)
 
 
 def _profile(document: dict[str, Any], path: Path) -> Profile:

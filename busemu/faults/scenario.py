@@ -13,13 +13,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..tables import Robot
+from ..tables.toml_file import read_toml
 from .fault import Fault, FaultError, parse_fault
 
 FORMAT = "busemu-faults/1"
@@ -36,13 +36,7 @@ class Scenario:
 def load_scenario(path: str | Path, robot: Robot) -> Scenario:
     """Read a scenario for ``robot``. Raises :class:`FaultError` with one line for the user."""
     path = Path(path)
-    try:
-        document = tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise FaultError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FaultError(f"{path}: not a TOML file: {error}") from None
-    return _scenario(document, path, robot)
+    return _scenario(read_toml(path, FaultError), path, robot)
 
 
 def _scenario(document: Mapping[str, Any], path: Path, robot: Robot) -> Scenario:

@@ -14,8 +14,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from .inherit import SERVOS, TableError, file_name, read_document, resolve
+from .inherit import SERVOS, TableError, file_name, resolve
 from .register import Register, registers_of_row
+from .toml_file import read_toml
 
 __all__ = ["ControlTable", "TableError", "load_table", "models", "parse_table"]
 
@@ -99,7 +100,7 @@ class ControlTable:
 
 def models() -> tuple[str, ...]:
     """Names of the servo models that have a table, sorted."""
-    documents = (read_document(path) for path in SERVOS.glob("*.toml"))
+    documents = (read_toml(path, TableError) for path in SERVOS.glob("*.toml"))
     return tuple(sorted(document["model"] for document in documents if "model" in document))
 
 
@@ -107,12 +108,15 @@ def models() -> tuple[str, ...]:
 def load_table(model: str) -> ControlTable:
     """The control table of a model by its name (``"AX-12A"``), or of a TOML file by its path."""
     path = Path(model)
-    if path.suffix != ".toml":
-        path = SERVOS / file_name(model)
-    document = read_document(path) if path.is_file() else {}
-    if not document or (path.parent == SERVOS and "model" not in document):
-        known = ", ".join(models())
-        raise TableError(f"no control table for servo model {model!r}: known are {known}")
+    if path.suffix == ".toml":
+        return parse_table(read_toml(path, TableError), path)
+    path = SERVOS / file_name(model)
+    document = read_toml(path, TableError) if path.is_file() else {}
+    if "model" not in document:
+        raise TableError(
+            f"no control table for servo model {model!r}: known are {', '.join(models())}; "
+            "or give the path of a table ending in .toml"
+        )
     return parse_table(document, path)
 
 
@@ -137,6 +141,7 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
             key=lambda r: r.address,
         )
     )
+    number = document["model_number"]
     seen: dict[str, Register] = {}
     end, before = 0, ""
     for register in registers:
@@ -146,9 +151,14 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
             raise TableError(f"{path}: {register.name!r} overlaps {before!r}")
         seen[register.name] = register
         end, before = register.address + register.size, register.name
+    if "model_number" in seen and seen["model_number"].initial != number:
+        raise TableError(
+            f"{path}: model_number is {number!r}, but the register of that name starts with "
+            f"{seen['model_number'].initial}: leave its initial out, or say the same"
+        )
     return ControlTable(
         model=document["model"],
-        model_number=document["model_number"],
+        model_number=number,
         protocol=float(protocol),
         registers=registers,
         baud_rates=_baud_rates(document["baud_rates"], path),

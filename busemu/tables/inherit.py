@@ -5,15 +5,17 @@ TOML file beside the one that says it. Then, from the base to the file:
 
 * a row of ``register`` with a known name changes the keys it gives; one with a new name is added;
 * ``remove`` lists registers that the base has and this model has not;
+* the register ``model_number`` starts with the file's ``model_number``;
 * ``drive`` and ``instructions`` are merged key by key; any other key replaces the base's.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from .toml_file import read_toml
 
 SERVOS = Path(__file__).with_name("servos")
 
@@ -27,14 +29,6 @@ class TableError(ValueError):
 def file_name(model: str) -> str:
     """The file of a model; that of ``"MX-28(2.0)"`` is ``mx-28-2.toml``, as in the e-manual."""
     return model.lower().replace("(2.0)", "-2") + ".toml"
-
-
-def read_document(path: Path) -> dict[str, Any]:
-    """A table file as it stands; raises :class:`TableError` where it is not TOML."""
-    try:
-        return tomllib.loads(path.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise TableError(f"{path}: not TOML: {error}") from None
 
 
 def resolve(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -57,13 +51,16 @@ def _resolve(document: dict[str, Any], path: Path, seen: tuple[Path, ...]) -> di
     if base_path.resolve() in seen:
         circle = " -> ".join(p.name for p in (*seen, base_path))
         raise TableError(f"{path}: extends itself: {circle}")
-    base = _resolve(read_document(base_path), base_path, (*seen, base_path.resolve()))
+    base = _resolve(read_toml(base_path, TableError), base_path, (*seen, base_path.resolve()))
     merged = _named_rows(base, base_path)
     for name in removed:
         if merged.pop(name, None) is None:
             raise TableError(f"{path}: remove: {base_path.name} has no register {name!r}")
     for name, row in rows.items():
         merged[name] = {**merged.get(name, {}), **row}
+    if "model_number" in document and "model_number" in merged:
+        told = rows.get("model_number", {}).get("initial", document["model_number"])
+        merged["model_number"] = {**merged["model_number"], "initial": told}
     for key in MERGED:
         if key in base and key in document:
             document[key] = {**base[key], **document[key]}

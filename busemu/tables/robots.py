@@ -7,7 +7,6 @@ part that all need: the wiring.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .control_table import ControlTable, TableError, load_table
+from .toml_file import read_toml
 
 ROBOTS = Path(__file__).with_name("robots")
 FORMAT = "busemu-robot/1"
@@ -94,13 +94,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
                 f"no robot named {str(name_or_path)!r}: use one of {', '.join(robots())}, "
                 "or the path of a robot file ending in .toml"
             )
-    try:
-        document = tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RobotError(f"{path}: not a TOML file: {error}") from None
-    return parse_robot(document, path)
+    return parse_robot(read_toml(path, RobotError), path)
 
 
 def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:

@@ -243,5 +243,5 @@ def test_table_may_be_a_file_of_the_user(tmp_path: Path) -> None:
     assert load_table(str(path)).model == "OWN"
     broken = tmp_path / "broken.toml"
     broken.write_text("model = ", "utf-8")
-    with pytest.raises(TableError, match=r"broken.toml.*not TOML"):
+    with pytest.raises(TableError, match=r"broken.toml.*not a TOML file"):
         load_table(str(broken))

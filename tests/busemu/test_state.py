@@ -139,7 +139,7 @@ def changed(old: str, new: str) -> object:
         (changed("return_delay_time = 250", "return_delay_time = 1.5"), "not a value it can have"),
         (changed("return_delay_time = 250", "goal_position = 1"), "keeps no register 'goal_pos"),
         (changed(FORMAT, "busemu-robot/1"), "not a state file"),
-        (lambda text: text[: len(text) // 2].rstrip("0123456789\n "), "not a state file"),
+        (lambda text: text[: len(text) // 2].rstrip("0123456789\n "), "not a TOML file"),
         (lambda text: "", "not a state file"),
     ],
 )

@@ -15,7 +15,6 @@ model_number = 9999
 source = "me"
 remove = ["bus_watchdog"]
 register = [
-  { name = "model_number", initial = 9999 },
   { name = "current_limit", initial = 100, range = [0, 200] },
   { name = "extra", address = 700, size = 2, initial = 5, since_firmware = 7 },
 ]
@@ -35,6 +34,7 @@ def write(folder: Path, text: str, name: str = "mine.toml") -> str:
 def test_file_that_extends_a_model_changes_adds_and_removes(tmp_path: Path) -> None:
     table, base = load_table(write(tmp_path, MINE)), load_table("XM430-W350")
     assert (table.model, table.model_number, table.source) == ("Mine", 9999, "me")
+    assert table["model_number"].initial == 9999  # what a ping tells
     assert (table["current_limit"].initial, table["current_limit"].maximum) == (100, 200)
     assert table["current_limit"].address == base["current_limit"].address
     assert (table["extra"].address, table["extra"].since_firmware) == (700, 7)
@@ -77,6 +77,7 @@ LED = {"name": "led"}
     ("change", "parts"),
     [
         ({"extends": "XM999"}, ["extends 'XM999'", "xm999.toml"]),
+        ({"register": [{"name": "model_number", "initial": 2}]}, ["model_number is 1", "2"]),
         ({"extends": 7}, ["extends must be the name", "7"]),
         ({"remove": ["goal_pwm"]}, ["remove", "ax-12a.toml", "goal_pwm"]),
         ({"register": [LED, LED]}, ["'led' is there twice"]),
@@ -122,7 +123,7 @@ def test_base_is_no_model_and_unknown_models_are_told_what_there_is(tmp_path: Pa
     for name in ("base-x", "XM431-W350"):
         with pytest.raises(TableError, match=r"no control table .* XM430-W350"):
             load_table(name)
-    with pytest.raises(TableError, match="not TOML"):
+    with pytest.raises(TableError, match="not a TOML file"):
         load_table(write(tmp_path, "model = "))
 
 
