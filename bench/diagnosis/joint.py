@@ -22,7 +22,7 @@ from .lost import lost_samples
 from .model import Blocks, Hypothesis, JointModel, Kind
 from .next_experiment import next_experiments
 from .observed import Observed
-from .regimes import localise
+from .regimes import EVERYWHERE, localise
 from .remainder import Remainder, remainder
 from .result import Cause, Diagnosis, Estimate, FitSummary
 from .rivals import contemporaries, rivals
@@ -293,7 +293,7 @@ def _unexplained(
             "joints": [judge.observed[0].joint],
             "predictable_rad": rest.predicted_rad,
             "share": rest.share,
-            "where": [place.phase for place in places],
+            "where": [place.phase for place in places] or [EVERYWHERE],
             "terms": dict(rest.terms),
         },
     )

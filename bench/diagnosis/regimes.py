@@ -16,6 +16,7 @@ from .observed import Channel, Observed
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+EVERYWHERE = "everywhere"  #: the place of what no part of a motion has more of than the rest
 SHUFFLES = 400  #: of stretches, for a p-value
 STRETCH_S = 0.25  #: what is shuffled as one
 SLOW_SHARE, FAST_SHARE = 0.1, 0.6  #: of the highest speed in the recordings

@@ -82,8 +82,8 @@ def check_numbers(
     others go on.
     """
     told: dict[str, list[str]] = {}
+    say("looking at the numbers that were recorded")
     for recording in recordings:
-        say(f"looking at {recording.name}")
         for odd in oddities(recording).found:
             place = odd.where(_start_s(recording))
             if odd.weight is Weight.SERIOUS and odd.kind != STUCK:

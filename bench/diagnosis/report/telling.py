@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from bench.diagnosis.regimes import EVERYWHERE
 from bench.diagnosis.result import Cause, Diagnosis, Estimate
 
 from .words import (
@@ -200,7 +201,10 @@ def remains(unexplained: Mapping[str, Any]) -> str:
         told += f": {degrees(size)} of what is left could be foretold"
     if share is not None:
         told += f", {percent(share)} of its square"
-    told += f"; most of it {where}" if where else ""
+    if where == EVERYWHERE:
+        told += "; everywhere in the motion"
+    else:
+        told += f"; most of it {where}" if where else ""
     terms = [
         f"{plain(str(name))} ({value:+.2f})"
         for name, value in dict(unexplained.get("terms", {})).items()

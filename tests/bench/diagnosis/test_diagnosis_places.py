@@ -6,10 +6,12 @@ from pendulum_logs import MOTIONS, logs, model_of
 
 from bench.diagnosis.floor import ENGINE_RAD, noise_floor, tolerance
 from bench.diagnosis.joint import SIGNIFICANT, is_structured
+from bench.diagnosis.joint import _unexplained as left
 from bench.diagnosis.model import Kind
 from bench.diagnosis.noise import Block
-from bench.diagnosis.regimes import STRETCH_S, localise, regimes, shares, top_speed
+from bench.diagnosis.regimes import EVERYWHERE, STRETCH_S, localise, regimes, shares, top_speed
 from bench.diagnosis.remainder import remainder
+from bench.diagnosis.report.telling import remains
 
 SIZE_RAD = 0.01
 FLOOR_RAD = 0.0005
@@ -186,6 +188,14 @@ def test_halves_of_a_single_recording_judge_each_other():
     rest = remainder(single, planted(single, lambda one, random: 5.0 * noise(one, random)))
     assert not is_structured(rest, FLOOR_RAD)
     assert is_structured(remainder(single, planted(single, sticking)), FLOOR_RAD)
+
+
+def test_a_rest_that_has_no_place_is_everywhere(model):
+    rest = remainder(model, planted(model, sticking))
+    quiet = planted(model, lambda one, random: 0.0 * noise(one, random))
+    (told,) = left(model, quiet, rest, FLOOR_RAD, 0)
+    assert told["where"] == [EVERYWHERE]
+    assert remains(told).count("everywhere") == 1
 
 
 # --- the floor
