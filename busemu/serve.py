@@ -36,8 +36,9 @@ NEXT_S = 0.00015
 #: Bytes are taken from the port while the line is busy for no longer than this [s]; then they wait
 #: in the port, as in the driver of a real one, and a program that writes on is stopped.
 BACKLOG_S = 0.005
-#: A port that a client has left locked is opened to the next one after so long [s].
-UNLOCK_EVERY_S = 0.1
+#: What can wait is done once in this time [s], also by a server that is behind: a port that a
+#: client has left locked is opened to the next one, and requests for faults are answered.
+ATTEND_EVERY_S = 0.1
 #: With nothing to do the loop sleeps so long at most [s].
 IDLE_S = 0.0005
 
@@ -69,8 +70,9 @@ class Station:
     """One of the buses of a server, the port its client opens, and what is done beside it.
 
     ``observe`` is called every ``observe_every_s`` of bus time [s], never while a reply is due.
-    ``idle`` is called with the time [s] whenever nothing else is to be done, and no reply of this
-    bus is due within ``GUARD_S``; it has to be quicker than that.
+    ``idle`` is called with the time [s] whenever nothing else is to be done, and every
+    ``ATTEND_EVERY_S`` in any case, while no reply of this bus is due within ``GUARD_S``; it has to
+    be quicker than that.
     """
 
     port: Port
@@ -123,7 +125,7 @@ def serve(
     """
     now_s = time.monotonic()
     state = ServerState(now_s)
-    tell_s, unlock_s = now_s + every_s, now_s
+    tell_s, attend_s = now_s + every_s, now_s
     slice_s = GUARD_S  # what a slice of any bus costs, on the safe side
     while True:
         now_s = time.monotonic()
@@ -148,13 +150,13 @@ def serve(
             tell(state)
             state.physics_late_s = 0.0
             tell_s = now_s + every_s
-        elif behind_s > SLICE_S:
-            continue
-        elif now_s >= unlock_s:
+        elif now_s >= attend_s:
             for station in stations:
                 station.port.unlock()
-            unlock_s = now_s + UNLOCK_EVERY_S
-        else:
+            _idle(stations, now_s)
+            attend_s = now_s + ATTEND_EVERY_S
+        elif behind_s <= SLICE_S:
+            _idle(stations, now_s)
             _rest(stations, now_s)
 
 
@@ -179,15 +181,21 @@ def _observed(stations: Sequence[Station]) -> bool:
     return found
 
 
+def _idle(stations: Sequence[Station], now_s: float) -> None:
+    """Do what can wait, for the buses that have no reply to send soon."""
+    for station in stations:
+        reply_s = station.bus.next_reply_s()
+        if station.idle is not None and (reply_s is None or reply_s - time.monotonic() > GUARD_S):
+            station.idle(now_s)
+
+
 def _rest(stations: Sequence[Station], now_s: float) -> None:
-    """Do what can wait, then sleep until bytes come, or until something is due."""
+    """Sleep until bytes come, or until something is due."""
     due_s = now_s + IDLE_S
     waiting = []
     for station in stations:
         bus = station.bus
         reply_s = bus.next_reply_s()
-        if station.idle is not None and (reply_s is None or reply_s - time.monotonic() > GUARD_S):
-            station.idle(now_s)
         due_s = min(due_s, bus.next_deadline_s())
         if reply_s is not None:
             due_s = min(due_s, now_s + GUARD_S)

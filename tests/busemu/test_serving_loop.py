@@ -18,6 +18,7 @@ class QuietPort:
 
     def __init__(self) -> None:
         self.ends = os.pipe()
+        self.unlocked = 0
 
     def fileno(self) -> int:
         return self.ends[0]
@@ -35,7 +36,7 @@ class QuietPort:
         return 0
 
     def unlock(self) -> None:
-        pass
+        self.unlocked += 1
 
     def close(self) -> None:
         for end in self.ends:
@@ -85,3 +86,23 @@ def test_a_server_that_is_behind_for_good_still_tells_of_it_and_serves_every_bus
     assert states[0].physics_late_s > SLICE_S
     for bus in buses:
         assert set(bus.slices) == {SLICE_S}
+
+
+def test_a_server_that_is_behind_for_good_still_unlocks_its_ports_and_answers_requests() -> None:
+    port, told = QuietPort(), 0
+
+    def idle(now_s: float) -> None:
+        nonlocal told
+        told += 1
+        if told == 2:
+            raise DoneError
+
+    def tell(state: ServerState) -> None:
+        raise AssertionError("behind for so long, and nothing that can wait was done")
+
+    try:
+        with pytest.raises(DoneError):
+            serve(Station(port, SlowBus(), idle=idle), every_s=20.0, tell=tell)
+    finally:
+        port.close()
+    assert port.unlocked == 2
