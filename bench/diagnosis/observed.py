@@ -25,6 +25,8 @@ TURN_RAD = 2.0 * np.pi
 DUTY = "foreign/goal_duty"  #: namespace of a duty that no register holds, share of full duty
 LEAST_SAMPLES = 20  #: below this a recording says nothing about a joint
 TURN_COUNTS = 4096  #: of an encoder that has no ends
+MOTION_QUANTA = 20.0  #: that goals must span to ask for a motion; assumed
+FIRST_SAMPLES, FIRST_S = 5, 0.01  #: that tell how fast a joint is at first, whichever is more
 STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
 
 
@@ -117,12 +119,22 @@ def observe(
 
 
 def left_out(recordings: Sequence[Recording], used: Sequence[Observed]) -> tuple[str, ...]:
-    """Which recordings told too little of a joint to be used, in a line."""
+    """Which recordings told too little of a joint to be used, in one line or none."""
     names = {one.name for one in used}
     silent = [recording.name for recording in recordings if recording.name not in names]
     if not silent:
         return ()
-    return (f"left out, less than {LEAST_SAMPLES} positions of the joint: {', '.join(silent)}",)
+    return (
+        f"left out, less than {LEAST_SAMPLES} positions of the joint, or it is stuck: "
+        + ", ".join(silent),
+    )
+
+
+def stuck(one: Observed) -> bool:
+    """Whether a joint stands still while its goals move: torque off, or a read that failed."""
+    samples = one.position
+    moved = float(np.ptp(one.goal[1])) > MOTION_QUANTA * samples.quantum
+    return moved and float(np.ptp(samples.value[samples.good])) == 0.0
 
 
 def _observe(
@@ -167,9 +179,7 @@ def _observe(
         supply[0, 0] = 0.0
         events = np.concatenate([events, supply])
         events = events[np.argsort(events[:, 0], kind="stable")]
-    first = angles[good][:5]
-    moving = np.ptp(first) > STILL_QUANTA * quantum
-    velocity = float(np.polyfit(times[good][:5], first, 1)[0]) if moving else 0.0
+    velocity = _first_velocity(times[good], angles[good], quantum)
     is_goal = events[:, 1] == kernel.GOAL_POSITION
     goal_t = np.concatenate([[0.0], events[is_goal, 0]])
     goal = np.concatenate([[start[kernel.GOAL_POSITION]], events[is_goal, 2]])
@@ -179,7 +189,7 @@ def _observe(
         group=str(recording.metadata.get("group") or recording.name),
         joint=joint,
         condition=condition,
-        replay=Replay(start, events, union, float(first[0]), velocity),
+        replay=Replay(start, events, union, float(angles[good][0]), velocity),
         channels=channels,
         goal=(goal_t, goal),
         registers={
@@ -191,6 +201,15 @@ def _observe(
         },
         posture_rad=recorded_posture(recording, robot, joint, origin, float(union[-1])),
     )
+
+
+def _first_velocity(t_s: Floats, angles: Floats, quantum: float) -> float:
+    """Speed [rad/s] at the first sample: of a parabola, where a joint moves from the beginning."""
+    count = max(FIRST_SAMPLES, int(np.searchsorted(t_s, t_s[0] + FIRST_S)))
+    t, first = t_s[:count] - t_s[0], angles[:count]
+    if np.ptp(first) <= STILL_QUANTA * quantum:
+        return 0.0
+    return float(np.polyfit(t, first, 2 if count > FIRST_SAMPLES else 1)[-2])
 
 
 def _with_duty(
@@ -205,7 +224,7 @@ def _with_duty(
     start = start.copy()
     start[kernel.MODE], start[kernel.ENABLED] = kernel.MODE_PWM, 1.0
     start[kernel.GOAL_DUTY] = duty[max(0, int(np.searchsorted(times, origin_s, "right")) - 1)]
-    first = np.flatnonzero(np.diff(duty, prepend=np.nan) != 0.0)
+    first = np.flatnonzero(np.diff(duty, prepend=duty[0]) != 0.0)
     first = first[times[first] > origin_s]
     field = np.full(len(first), float(kernel.GOAL_DUTY))
     rows = np.stack([times[first] - origin_s, field, duty[first]], axis=1)

@@ -20,7 +20,7 @@ from .improved import write_improved
 from .joint import JointFindings, diagnose_joint
 from .journal import Journal
 from .knobs import joint_effects
-from .observed import Observed, left_out, observe
+from .observed import Observed, left_out, observe, stuck
 from .search import Progress
 from .sense import DiagnosisError
 from .together import together
@@ -89,15 +89,18 @@ def diagnose(
     findings: list[JointFindings] = []
     left: list[str] = []
     for joint in (j.name for j in base.joints):
-        fitted = observe(parts.fitted, robot, joint, needed=len(base.joints) == 1)
-        if len(base.joints) > 1 and not any(map(moves, fitted)):
+        alone = len(base.joints) == 1
+        fitted = [o for o in observe(parts.fitted, robot, joint, needed=alone) if not stuck(o)]
+        if alone and not fitted:
+            raise DiagnosisError(f"{joint} stands still whatever it is told: is its torque on?")
+        if not alone and not any(map(moves, fitted)):
             watch.tell(f"{joint} never moves: left out")
             left.append(f"{joint} was left out: it never moves")
             continue
         if findings and watch.late:
             left.append(f"{joint} was left out: the time was used up before")
             continue
-        judging = observe(parts.judging, robot, joint, needed=False)
+        judging = [o for o in observe(parts.judging, robot, joint, needed=False) if not stuck(o)]
         found = diagnose_joint(
             base,
             robot,
@@ -106,7 +109,7 @@ def diagnose(
             effects=effects,
             glitches=LOST not in without,
             seed=seed,
-            say=watch if len(base.joints) == 1 else watch.of(joint),
+            say=watch if alone else watch.of(joint),
             journal=journal,
         )
         silent = left_out((*parts.fitted, *parts.judging), (*fitted, *judging))

@@ -133,7 +133,9 @@ def test_a_joint_of_another_tree_need_not_be_read():
         )
         for k in range(40)
     ]
-    (one,) = observe([Recording.of(rows, {"name": "pulled"})], rig, "lever")
+    (one,) = observe(
+        [Recording.of(rows, {"name": "pulled", "robot": "sts3215-lever"})], rig, "lever"
+    )
     assert one.posture_rad.shape[1] == len(rig.servos)
 
 

@@ -230,3 +230,46 @@ def test_noise_of_some_counts_stays():
 
 def test_a_handful_of_values_are_all_good():
     assert lonely(np.array([0.0, 9.0, 0.0]), QUANTUM).all()
+
+
+# --- firmware that applies a duty, encoders without ends
+
+
+def tracked(raw, duty, step_s=0.001):
+    """A duty that no register holds, and the positions it made."""
+    rows = []
+    for k, (count, share) in enumerate(zip(raw, duty, strict=True)):
+        rows.append(raw_access(step_s * k, "read", "foreign/goal_duty", share, 0))
+        rows.append(raw_access(step_s * k, "read", POSITION, count % COUNTS_A_TURN))
+    return Recording.of(rows, {"name": "t", "robot": ROBOT, "condition": dict(CONDITION)})
+
+
+def test_a_duty_that_no_register_holds_is_the_command():
+    duty = np.repeat([0.5, -0.25], 20)
+    (one,) = observe([tracked(2048 + np.arange(40), duty)], robot(), JOINT)
+    start, events = one.replay.start, one.replay.events
+    assert start[kernel.MODE] == kernel.MODE_PWM
+    assert start[kernel.ENABLED] == 1.0
+    assert start[kernel.GOAL_DUTY] == 0.5
+    changes = events[events[:, 1] == kernel.GOAL_DUTY]
+    assert changes[:, 2].tolist() == [-0.25]
+    assert changes[0, 0] == pytest.approx(0.021)  # the replay begins 1 ms before the first sample
+
+
+def test_an_encoder_without_ends_goes_on_beyond_its_turn():
+    raw = 4000 + 30 * np.arange(40)
+    (one,) = observe([tracked(raw, np.full(40, 0.5))], robot(), JOINT)
+    turned = one.position.value - one.position.value[0]
+    assert turned == pytest.approx((raw - raw[0]) * 2.0 * math.pi / COUNTS_A_TURN)
+    assert one.position.good.all()
+
+
+def test_a_joint_that_gathers_speed_begins_with_what_it_has():
+    """1 kHz: five samples are too few to tell a slow joint from one at rest."""
+    t = 0.001 * np.arange(40)
+    steady = np.round(0.6e3 * t)
+    gathering = np.round(0.5 * 2e5 * t**2)
+    for raw, wanted in ((steady, 0.6e3), (gathering, 0.0)):
+        (one,) = observe([tracked(2048 + raw, np.full(40, 0.5))], robot(), JOINT)
+        counts_s = one.replay.velocity_rad_s * COUNTS_A_TURN / (2.0 * math.pi)
+        assert counts_s == pytest.approx(wanted, abs=150.0)
