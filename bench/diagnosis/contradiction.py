@@ -17,10 +17,11 @@ from sim.drive import kernel
 from sim.effects import effect
 
 from .fit import Fit, fit
+from .intervals import covariances
 from .knobs import effect_knobs
 from .model import JointModel, Kind
 from .observed import Channel, Observed, Samples
-from .search import NEEDED, Progress, covariances, inflation
+from .search import NEEDED, Progress, inflation
 
 APART = 3.0  #: joint deviations between two values of one resistance that contradict each other
 TIMES = 2.0  #: and their ratio

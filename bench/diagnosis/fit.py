@@ -111,9 +111,9 @@ def steps(
     down = z + size > high
     room = np.where(down, z - low, high - z)  # the side with more room, where neither is enough
     down = np.where(down & (room < size), z - low > high - z, down)
-    return np.where(down, -1.0, 1.0) * np.minimum(
-        size, np.maximum(np.maximum(z - low, high - z), 1e-9)
-    )
+    most = np.maximum(np.maximum(z - low, high - z), 1e-9)
+    signed: Floats = np.where(down, -1.0, 1.0) * np.minimum(size, most)
+    return signed
 
 
 def linearise(

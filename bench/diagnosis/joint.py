@@ -14,8 +14,9 @@ from sim.effects import Effect
 from sim.robot import PhysicalRobot
 
 from .contradiction import supply_contradiction
-from .fit import EDGE, Fit, block_rms, bounds, estimate_noise, fit
+from .fit import Fit, block_rms, estimate_noise, fit
 from .floor import ENGINE_RAD, noise_floor, tolerance
+from .intervals import estimates
 from .journal import Journal
 from .knobs import joint_effects
 from .lost import lost_samples
@@ -24,15 +25,15 @@ from .next_experiment import next_experiments
 from .observed import Observed
 from .regimes import EVERYWHERE, localise
 from .remainder import Remainder, remainder
-from .result import Cause, Diagnosis, Estimate, FitSummary
+from .result import Cause, Diagnosis, FitSummary
 from .rivals import contemporaries, rivals
-from .search import HARM, Gain, Progress, covariances, drop, grow, held_out, inside, score_outside
+from .search import Progress, held_out, score_outside
+from .settling import settle
 from .watch import Watch
 
 Floats = NDArray[np.float64]
 
 STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
-WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
 STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
 STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
@@ -80,31 +81,17 @@ def diagnose_joint(
     floors = {kind: noise.total for kind, noise in before.noise.items()} | {
         Kind.POSITION: tolerance(floor)
     }
-    rejected: list[Mapping[str, Any]] = []
-    after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
     tell = watch.tell
-    while judged and (worse := _denied(model, judge, after, taken, floors, tell)) is not None:
-        rejected.append(
-            {
-                "effect": worse.effect,
-                "gain_nats": float(worse.deflated),
-                "because": "it makes recordings that were not used to fit worse",
-            }
-        )
-        effects = {name: e for name, e in effects.items() if name != worse.effect}
-        if len(rejected) == 1 and watch.stopped is None:
-            # a second thought; after that, names are only taken back
-            after, taken, confirmed = grow(model, before, effects, watch, floors)
-        else:
-            after, *_ = drop(model, after, worse.effect)
-            taken = [gain for gain in taken if gain.effect != worse.effect]
+    settled = settle(model, judge if judged else None, before, effects, floors, watch)
+    after, taken, effects = settled.after, settled.taken, settled.effects
+    rejected = list(settled.rejected)
     whole = score_outside(model, after) if len(taken) > 1 else []
     causes, nexts = [], []
     for gain in taken:
         probability, close, fits, without = (
-            contemporaries(model, after, gain, confirmed)
+            contemporaries(model, after, gain, settled.confirmed)
             if watch.late
-            else rivals(model, after, gain.effect, effects, confirmed, tell)
+            else rivals(model, after, gain.effect, effects, settled.confirmed, tell)
         )
         if fits and not watch.late:
             tell(f"what would tell {gain.effect} from its rivals")
@@ -163,7 +150,7 @@ def diagnose_joint(
                 "inflation": float(g.inflation),
                 "deflated_nats": float(g.deflated),
             }
-            for g in confirmed
+            for g in settled.confirmed
         ),
         details=({"stopped": watch.stopped} if watch.stopped else {})
         | {
@@ -190,29 +177,6 @@ def diagnose_joint(
     return JointFindings(diagnosis, model, before, after, judge)
 
 
-def _denied(
-    model: JointModel,
-    judge: JointModel,
-    after: Fit,
-    taken: Sequence[Gain],
-    floors: Mapping[Kind, float],
-    say: Progress,
-) -> Gain | None:
-    """The effect that does most harm to recordings that were not used to fit, if any does."""
-    harms = []
-    for gain in taken:
-        say(f"{gain.effect} on recordings that were not used to fit")
-        without, *_ = drop(model, after, gain.effect)
-        harm = inside(judge, without, after, floors).harm
-        squares = [
-            block_rms(judge.residuals(f.hypothesis, [f.z])[0], Kind.POSITION) ** 2
-            for f in (without, after)
-        ]
-        if harm > HARM and squares[1] > WORSE * squares[0]:
-            harms.append((harm, gain))
-    return max(harms, key=lambda pair: pair[0])[1] if harms else None
-
-
 def is_structured(rest: Remainder, floor: float) -> bool:
     """Whether a rest is predictable enough to be called unexplained."""
     return bool(
@@ -220,40 +184,6 @@ def is_structured(rest: Remainder, floor: float) -> bool:
         and rest.share > STRUCTURE_SHARE
         and rest.agreeing >= STRUCTURE_AGREEING
     )
-
-
-def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]:
-    """Parameters of an effect with intervals from the sandwich variance, and their state."""
-    believed, sandwich = covariances(model, found)
-    low, high = bounds(model, found.hypothesis)
-    count = len(model.nuisances)
-    spread = np.sqrt(np.maximum(np.diag(sandwich), 0.0))
-    correlation = believed / np.sqrt(np.outer(np.diag(believed), np.diag(believed)) + 1e-300)
-    names = [n.name for n in model.nuisances] + [k.name for k in found.hypothesis.knobs]
-    made = {}
-    for i, knob in enumerate(found.hypothesis.knobs):
-        if knob.effect != effect:
-            continue
-        k = count + i
-        z, deviation = float(found.z[k]), float(max(spread[k], np.sqrt(believed[k, k])))
-        ends = [knob.value(min(high[k], max(low[k], z + s * 1.96 * deviation))) for s in (-1, 1)]
-        other = max(
-            (abs(correlation[k, j]), j) for j in range(len(names)) if j != k and low[j] < high[j]
-        )
-        if believed[k, k] > 1e6:
-            state = "dead"
-        elif deviation > 3.0 * max(1.0, abs(z)):
-            state = "flat"
-        elif z <= low[k] + EDGE or z >= high[k] - EDGE:
-            state = "at bound"
-        elif other[0] > 0.9:
-            state = f"trade-off with {names[other[1]]}"
-        else:
-            state = "pinned"
-        made[knob.parameter.name] = Estimate(
-            knob.value(z), (min(ends), max(ends)), knob.parameter.unit, state
-        )
-    return made
 
 
 def _explained(judge: JointModel, before: Fit, without: Fit, after: Fit, floor: float) -> float:

@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from sim.effects import Effect, catalogue
 
 from .fit import Fit, Score, fit, linearise, score
+from .intervals import covariances
 from .journal import digest
 from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
 from .model import JointModel, Kind
 from .noise import CLIP, whiten
+from .valleys import explore
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
@@ -32,9 +34,11 @@ SIZES = (0.05, 0.2, 0.7, 2.0)  #: of amplitudes, in typical sizes, at which an e
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
 SURE, CONFIRMED = 3, 6  #: how many of the screened effects are fitted in a step, at least, at most
 PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
-STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
+EXPLORED = 2  #: of the confirmed that are fitted further
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
+PLAIN = 30.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
+LIKEWISE = 0.4  #: of such a gain that must be there on recordings not used to fit, too
 HARM = 0.3  #: of the squared noise floor that it may add to another kind, or where it is judged
 CLOSE = 6.0  #: nats (deflated) by which the second best may be behind, to be asked at all
 NUMBER_NATS = 1.5  #: gain [nats, deflated] that every number of an effect must be worth
@@ -163,25 +167,6 @@ def _ranking(
     return sorted(ranking, key=lambda row: -row[0])
 
 
-def covariances(model: JointModel, found: Fit) -> tuple[Floats, Floats]:
-    """What the likelihood believes of the errors of a vector, and what scores by stretch say."""
-    residual, jacobian = linearise(model, found.hypothesis, found.z, found.noise)
-    blocks = model.residuals(found.hypothesis, [found.z])[0]
-    stretches: list[Floats] = []
-    for number, block in enumerate(blocks.values()):
-        stretches.append(1e6 * number + np.floor(block.t_s / STRETCH_S))
-    _, cluster = np.unique(np.concatenate(stretches), return_inverse=True)
-    weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
-    rows = jacobian * (weight * residual)[:, None]
-    scores = np.zeros((int(cluster.max()) + 1, jacobian.shape[1]))
-    np.add.at(scores, cluster, rows)
-    prior = np.zeros(jacobian.shape[1])
-    prior[: len(model.nuisances)] = 1.0
-    normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
-    believed: Floats = np.asarray(np.linalg.pinv(normal), np.float64)
-    return believed, believed @ (scores.T @ scores + np.diag(prior)) @ believed
-
-
 def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
     """How much too narrow the likelihood believes some numbers of a vector to be, at least 1."""
     believed, sandwich = covariances(model, found)
@@ -282,19 +267,22 @@ def grow(
             for _, name, start in ranking:
                 say(f"step {step + 1}: fitting {name}")
                 gains.append(confirm(model, now, effects[name], start))
-            gains = ranked(gains)
+            gains = further(model, now, ranked(gains), say)
             confirmed += gains
             chosen = None
             plain: list[Score] | None = None
             for gain in gains[:2]:
                 if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
                     break
-                if inside(model, now, gain.fit, floors).relief < RELIEF:
+                plainly = gain.deflated > PLAIN
+                if not plainly and inside(model, now, gain.fit, floors).relief < RELIEF:
                     continue
                 say(f"step {step + 1}: {gain.effect} on recordings left out")
                 plain = plain or score_outside(model, now)
                 outside = held_out(plain, score_outside(model, gain.fit), floors)
-                if outside.nats / gain.inflation > HELD_OUT and outside.relief > RELIEF:
+                least = LIKEWISE * gain.deflated if plainly else HELD_OUT
+                seen = plainly or outside.relief > RELIEF
+                if seen and outside.nats / gain.inflation > least:
                     chosen = Gain(gain.effect, gain.fit, gain.nats, gain.inflation, outside)
                     break
             if chosen is None:
@@ -305,6 +293,18 @@ def grow(
     except OutOfTimeError:
         pass
     return now, taken, confirmed
+
+
+def further(model: JointModel, base: Fit, gains: Sequence[Gain], say: Progress) -> list[Gain]:
+    """Gains with the fits of the best effects of several numbers taken as deep as they go."""
+    found = []
+    for place, gain in enumerate(gains):
+        deeper = gain.fit
+        if place < EXPLORED and gain.deflated > NEEDED / 2.0:
+            say(f"fitting {gain.effect} further")
+            deeper = explore(model, gain.fit, gain.effect)
+        found.append(replace(gain, fit=deeper, nats=base.cost - deeper.cost))
+    return ranked(found)
 
 
 def ranked(gains: Sequence[Gain]) -> list[Gain]:

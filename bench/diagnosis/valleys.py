@@ -13,10 +13,10 @@ import numpy as np
 from .fit import Fit, fit
 from .model import JointModel
 
-MOVES = (-1.0, -0.4, 0.4, 1.0)  #: in units of a shape; of the value, for a number that is an amount
+MOVES = (-0.7, 0.7)  #: in units of a shape; of the value, for a number that is an amount
 LOOSE = 0.1  #: least of these units for an amount
 DEEPER = 3.0  #: gain [nats] that counts: friction and rounding leave the likelihood rough
-WALKS = 3  #: how often the best move is followed
+WALKS = 4  #: how often the best move is followed
 
 
 def explore(model: JointModel, found: Fit, effect: str) -> Fit:

@@ -1,0 +1,179 @@
+"""Intervals of parameters: as wide as the noise, the recordings and the two engines leave them.
+
+The likelihood's own curvature is far too sure of itself: the model is never quite right. So the
+variance of a number is the greatest of what the likelihood believes, what its scores say when they
+are summed over stretches of time, and when they are summed over whole recordings (friction and
+supply are not quite the same in each); what two sound simulations differ by is added. Along a bent
+valley no formula holds: there the number is moved and held while the others are fitted again, until
+the likelihood falls by what that variance allows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from .fit import EDGE, Fit, bounds, fit, linearise
+from .floor import ENGINE_RAD
+from .model import JointModel, Kind
+from .noise import CLIP, whiten
+from .result import Estimate
+
+Floats = NDArray[np.float64]
+
+STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
+ENGINE_S = 0.3  #: assumed memory of what two simulations differ by
+DRAWS = 40  #: of such a difference
+NORMAL = 1.96  #: deviations of an interval of 95 %
+FALL = 0.5 * NORMAL**2  #: of the likelihood at its ends [nats, deflated]
+REACH = (1.0, 2.0, 4.0)  #: half widths at which an end is looked for
+SOON = 0.5  #: of the fall, at which the formula's end holds
+
+
+def covariances(model: JointModel, found: Fit) -> tuple[Floats, Floats]:
+    """What the likelihood believes of the errors of a vector, and what scores by stretch say."""
+    spread = Spread(model, found)
+    return spread.believed, spread.sandwich(spread.stretches)
+
+
+class Spread:
+    """How sure a fit can be of its numbers: variances in the order of its vector."""
+
+    def __init__(self, model: JointModel, found: Fit) -> None:
+        self.model, self.found = model, found
+        residual, jacobian = linearise(model, found.hypothesis, found.z, found.noise)
+        self.blocks = model.residuals(found.hypothesis, [found.z])[0]
+        weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+        self.weighted = jacobian * weight[:, None]
+        self.scores = self.weighted * residual[:, None]
+        self.prior = np.zeros(jacobian.shape[1])
+        self.prior[: len(model.nuisances)] = 1.0
+        normal = self.weighted.T @ jacobian + np.diag(self.prior + 1e-9)
+        low, high = bounds(model, found.hypothesis)
+        free = np.flatnonzero(low < high)
+        self.believed: Floats = np.zeros_like(normal)
+        self.believed[np.ix_(free, free)] = np.linalg.pinv(normal[np.ix_(free, free)])
+        starts, recordings = [], []
+        for number, ((r, _), block) in enumerate(self.blocks.items()):
+            starts.append(1e6 * number + np.floor(block.t_s / STRETCH_S))
+            recordings.append(np.full(len(block.t_s), r))
+        self.stretches = np.unique(np.concatenate(starts), return_inverse=True)[1]
+        self.recordings = np.unique(np.concatenate(recordings), return_inverse=True)[1]
+
+    def sandwich(self, cluster: NDArray[np.intp]) -> Floats:
+        """Covariance when scores are summed over clusters of samples."""
+        scores = np.zeros((int(cluster.max()) + 1, self.scores.shape[1]))
+        np.add.at(scores, cluster, self.scores)
+        middle = scores.T @ scores + np.diag(self.prior)
+        covariance: Floats = self.believed @ middle @ self.believed
+        return covariance
+
+    def between_recordings(self) -> Floats:
+        """Variances when scores are summed over recordings, widened as these are few."""
+        count = int(self.recordings.max()) + 1
+        if count < 2:
+            return np.diag(self.believed)
+        widened = (student.ppf(0.975, count - 1) / NORMAL) ** 2 * count / (count - 1)
+        variance: Floats = np.diag(self.sandwich(self.recordings)) * widened
+        return variance
+
+    def between_engines(self, seed: int = 0) -> Floats:
+        """Variances that a difference between two sound simulations makes."""
+        random = np.random.default_rng(seed)
+        moved = np.zeros((DRAWS, self.scores.shape[1]))
+        first = 0
+        for (_, kind), block in self.blocks.items():
+            count = len(block.t_s)
+            if kind is Kind.POSITION:
+                steps = random.standard_normal((count, DRAWS))
+                keep = np.exp(-np.diff(block.t_s, prepend=block.t_s[:1]) / ENGINE_S)
+                keep[0] = 0.0
+                difference = np.empty_like(steps)
+                last = np.zeros(DRAWS)
+                for k in range(count):
+                    last = keep[k] * last + np.sqrt(1.0 - keep[k] ** 2) * steps[k]
+                    difference[k] = last
+                white, _ = whiten(block, self.found.noise[kind], ENGINE_RAD * difference)
+                moved += white.T @ self.weighted[first : first + count]
+            first += count
+        shifts = moved @ self.believed
+        variance: Floats = np.mean(shifts**2, axis=0)
+        return variance
+
+    def variances(self) -> Floats:
+        """What intervals are made of."""
+        within = np.maximum(np.diag(self.believed), np.diag(self.sandwich(self.stretches)))
+        total: Floats = np.maximum(within, self.between_recordings()) + self.between_engines()
+        return total
+
+
+def interval(
+    model: JointModel, found: Fit, spread: Spread, variances: Floats, k: int
+) -> tuple[float, float]:
+    """The ends of number ``k`` of a fit's vector, of 95 %."""
+    low, high = (float(b[k]) for b in bounds(model, found.hypothesis))
+    own = max(float(spread.believed[k, k]), 1e-30)
+    half = NORMAL * float(np.sqrt(variances[k]))
+    deflated = max(1.0, float(variances[k]) / own)
+    ridge = spread.believed[:, k] / own
+    middle = float(found.z[k])
+    ends = []
+    for side in (-1.0, 1.0):
+        end = middle + side * half
+        before = 0.0
+        for reach in REACH:
+            at = min(high, max(low, middle + side * reach * half))
+            start = found.z + ridge * (at - middle)
+            start[k] = at
+            tried = fit(
+                model, found.hypothesis, start, found.noise, rounds=1, evaluations=2, held=[k]
+            )
+            fall = (tried.cost - found.cost) / deflated
+            end = at
+            if fall >= FALL or (reach == REACH[0] and fall > SOON * FALL) or at in (low, high):
+                if reach > REACH[0] and fall > before:
+                    last = middle + side * half * reach / 2.0
+                    end = last + (at - last) * (FALL - before) / max(fall - before, FALL - before)
+                break
+            before = max(0.0, fall)
+        ends.append(end)
+    return ends[0], ends[1]
+
+
+def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]:
+    """Parameters of an effect with their intervals and states."""
+    spread = Spread(model, found)
+    variances = spread.variances()
+    believed = spread.believed
+    low, high = bounds(model, found.hypothesis)
+    count = len(model.nuisances)
+    correlation = believed / np.sqrt(np.outer(np.diag(believed), np.diag(believed)) + 1e-300)
+    names = [n.name for n in model.nuisances] + [k.name for k in found.hypothesis.knobs]
+    made = {}
+    for i, knob in enumerate(found.hypothesis.knobs):
+        if knob.effect != effect:
+            continue
+        k = count + i
+        z, deviation = float(found.z[k]), float(np.sqrt(variances[k]))
+        ends = [
+            knob.value(min(high[k], max(low[k], end)))
+            for end in interval(model, found, spread, variances, k)
+        ]
+        other = max(
+            (abs(correlation[k, j]), j) for j in range(len(names)) if j != k and low[j] < high[j]
+        )
+        if believed[k, k] > 1e6:
+            state = "dead"
+        elif deviation > 3.0 * max(1.0, abs(z)):
+            state = "flat"
+        elif z <= low[k] + EDGE or z >= high[k] - EDGE:
+            state = "at bound"
+        elif other[0] > 0.9:
+            state = f"trade-off with {names[other[1]]}"
+        else:
+            state = "pinned"
+        made[knob.parameter.name] = Estimate(
+            knob.value(z), (min(ends), max(ends)), knob.parameter.unit, state
+        )
+    return made
