@@ -37,7 +37,8 @@ PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
 EXPLORED = 2  #: of the confirmed that are fitted further
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
-PLAIN = 30.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
+PLAIN = 80.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
+PROVISIONAL = 25.0  #: gain [nats, deflated] of an effect that may only lack another beside it
 LIKEWISE = 0.4  #: of such a gain that must be there on recordings not used to fit, too
 HARM = 0.3  #: of the squared noise floor that it may add to another kind, or where it is judged
 CLOSE = 6.0  #: nats (deflated) by which the second best may be behind, to be asked at all
@@ -96,6 +97,8 @@ def vectors_to_try(
     away = base.z[k] * model.nuisances[k].deviation / knobs[0].unit
     if twin in AMOUNTS:
         away *= float(model.candidate(base.hypothesis, base.z * 0.0, 0).drive[AMOUNTS[twin]])
+    elif model.nuisances[k].unit != knobs[0].parameter.unit:
+        away = 0.0
     if knobs[0].parameter.typical < knobs[0].parameter.off:
         away = -away
     z = base.z.copy()
@@ -251,12 +254,14 @@ def grow(
     """Take effects one by one while they gain; the fit, those taken, and all that were confirmed.
 
     ``floors`` are the deviations of every kind that a perfect model would leave. After every step
-    effects that no longer gain are dropped. Where ``say`` is out of time, what was taken until then
-    is given.
+    effects that no longer gain are dropped. One that gains very much where it is fitted, but not on
+    recordings left out, may lack another beside it: then the search goes on, and all that it finds
+    is judged together. Where ``say`` is out of time, what was taken until then is given.
     """
     taken: list[Gain] = []
     confirmed: list[Gain] = []
     now = base
+    sure: tuple[Fit, list[Gain]] | None = None
     try:
         for step in range(most):
             say(f"step {step + 1}: trying every effect")
@@ -269,30 +274,74 @@ def grow(
                 gains.append(confirm(model, now, effects[name], start))
             gains = further(model, now, ranked(gains), say)
             confirmed += gains
-            chosen = None
-            plain: list[Score] | None = None
-            for gain in gains[:2]:
-                if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
-                    break
-                plainly = gain.deflated > PLAIN
-                if not plainly and inside(model, now, gain.fit, floors).relief < RELIEF:
-                    continue
-                say(f"step {step + 1}: {gain.effect} on recordings left out")
-                plain = plain or score_outside(model, now)
-                outside = held_out(plain, score_outside(model, gain.fit), floors)
-                least = LIKEWISE * gain.deflated if plainly else HELD_OUT
-                seen = plainly or outside.relief > RELIEF
-                if seen and outside.nats / gain.inflation > least:
-                    chosen = Gain(gain.effect, gain.fit, gain.nats, gain.inflation, outside)
-                    break
+            chosen = _chosen(model, now, gains, floors, say)
+            if chosen is None and sure is None and _promising(model, now, gains, floors):
+                sure = now, list(taken)
+                chosen = gains[0]
             if chosen is None:
                 break
             now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
             taken.append(chosen)
             now, taken = prune(model, now, taken, say)
+        if sure is not None:
+            say("all that was found together, on recordings left out")
+            taken = _together(model, now, taken, floors)
     except OutOfTimeError:
         pass
+    if sure is not None and not all(gain.held_out for gain in taken):
+        now, taken = sure
     return now, taken, confirmed
+
+
+def _chosen(
+    model: JointModel,
+    now: Fit,
+    gains: Sequence[Gain],
+    floors: Mapping[Kind, float],
+    say: Progress,
+) -> Gain | None:
+    """The best effect that gains on groups left out as well."""
+    without: list[Score] | None = None
+    for gain in gains[:2]:
+        if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
+            break
+        plainly = gain.deflated > PLAIN
+        if not plainly and inside(model, now, gain.fit, floors).relief < RELIEF:
+            continue
+        say(f"{gain.effect} on recordings left out")
+        without = without or score_outside(model, now)
+        outside = held_out(without, score_outside(model, gain.fit), floors)
+        nats = outside.nats / gain.inflation
+        if (nats > HELD_OUT and outside.relief > RELIEF) or (
+            plainly and nats > LIKEWISE * gain.deflated
+        ):
+            return replace(gain, held_out=outside)
+    return None
+
+
+def _promising(
+    model: JointModel, now: Fit, gains: Sequence[Gain], floors: Mapping[Kind, float]
+) -> bool:
+    """Whether the best effect gains so much where it is fitted that it may only lack another."""
+    return (
+        bool(gains)
+        and gains[0].deflated > PROVISIONAL
+        and inside(model, now, gains[0].fit, floors).relief > RELIEF
+    )
+
+
+def _together(
+    model: JointModel, now: Fit, taken: Sequence[Gain], floors: Mapping[Kind, float]
+) -> list[Gain]:
+    """What every effect of a set gains on groups left out beside the others; none if it fails."""
+    whole = score_outside(model, now)
+    checked = []
+    for gain in taken:
+        without, *_ = drop(model, now, gain.effect)
+        outside = held_out(score_outside(model, without), whole, floors)
+        holds = outside.nats / gain.inflation > HELD_OUT and outside.relief > RELIEF
+        checked.append(replace(gain, held_out=outside if holds else None))
+    return checked
 
 
 def further(model: JointModel, base: Fit, gains: Sequence[Gain], say: Progress) -> list[Gain]:

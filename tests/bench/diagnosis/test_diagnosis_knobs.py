@@ -9,6 +9,7 @@ from pendulum_logs import logs, model_of, robot
 
 from bench.diagnosis.fit import bounds
 from bench.diagnosis.knobs import (
+    AMOUNTS,
     NUISANCES,
     TWINS,
     effect_knobs,
@@ -138,14 +139,21 @@ def test_a_stand_that_leans_pulls_at_the_hanging_arm():
 def test_a_twin_and_its_nuisance_change_the_same(name):
     """So one of the two can stand for the other."""
     nuisance = by_name(TWINS[name])
-    (parameter,) = effect(name).parameters
+    (parameter,) = (knob.parameter for knob in effect_knobs(effect(name)))
     x = nuisance.deviation
     base = read_model(robot())
     load = Load.pendulum(1e-3, 0.1, 0.0, 0.1)
-    robot_with = effect(name).apply(base, (), {parameter.name: parameter.off + x})
+    column = Candidate.of(base, 0, load, rigid=True).drive
+    amount = column[AMOUNTS[nuisance.name]] if nuisance.name in AMOUNTS else 1.0
+    robot_with = effect(name).apply(base, (), {parameter.name: parameter.off + amount * x})
     as_effect = Candidate.of(robot_with, 0, load, rigid=True)
     as_nuisance = nuisance.change(Candidate.of(base, 0, load, rigid=True), x)
-    if name == "link_mass":  # of the body, not of the candidate
+    if name == "payload":  # of the body, and one takes kilograms, the other shares of the weight
+        added = robot_with.bodies[0].mass.mass_kg - base.bodies[0].mass.mass_kg
+        assert added == pytest.approx(x)
+        weight = replace(Candidate.of(base, 0, load, rigid=True), payload=load)
+        assert nuisance.change(weight, x).load.sine_nm == pytest.approx((1.0 + x) * load.sine_nm)
+    elif name == "link_mass":  # of the body, not of the candidate
         assert robot_with.bodies[0].mass.mass_kg == pytest.approx(
             (1 + x) * base.bodies[0].mass.mass_kg
         )

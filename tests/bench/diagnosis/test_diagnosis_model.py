@@ -16,10 +16,9 @@ from bench.diagnosis.fit import (
     score,
     steps,
 )
-from bench.diagnosis.joint import estimates
+from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import INSTANT_S, Hypothesis, Kind
-from bench.diagnosis.search import covariances
 from sim.effects import effect
 from sim.stepped import TICK_S
 

@@ -1,0 +1,148 @@
+"""Intervals, fits that leave their first hollow, and what speaks against a name."""
+
+import numpy as np
+import pytest
+from pendulum_logs import logs, model_of
+
+from bench.diagnosis.fit import Fit, fit
+from bench.diagnosis.intervals import NORMAL, REACH, Spread, estimates, interval
+from bench.diagnosis.knobs import effect_knobs, joint_effects
+from bench.diagnosis.model import Hypothesis
+from bench.diagnosis.search import Gain
+from bench.diagnosis.settling import BETTER, _objected
+from bench.diagnosis.valleys import explore
+from bench.diagnosis.veto import objection
+from sim.effects import effect
+
+EVERY = joint_effects()
+DRAG = {"stiffness_nm_rad": 0.02, "rest_rad": 0.6}
+
+
+def fitted(name, truth, start, planted=None):
+    model = model_of(logs({planted or name: truth}))
+    hypothesis = Hypothesis(effect_knobs(effect(name)))
+    z = np.append(np.zeros(len(model.nuisances)), start)
+    return model, fit(model, hypothesis, z)
+
+
+def gain_of(name, found, nats=100.0):
+    return Gain(name, found, nats, 1.0)
+
+
+@pytest.fixture(scope="module")
+def cable():
+    """A cable's drag, fitted from near the truth."""
+    return fitted("cable_drag", DRAG, [1.0, 0.3])
+
+
+def test_a_fit_in_a_wrong_hollow_finds_its_way_out(cable):
+    model, near = cable
+    count = len(model.nuisances)
+    wrong = near.z.copy()
+    wrong[count:] *= (0.4, 2.4)  # the same pull in the middle, another spring
+    stuck = Fit(near.hypothesis, wrong, near.noise, 0.0)
+    stuck = fit(model, stuck.hypothesis, wrong, near.noise, rounds=1, evaluations=1)
+    out = explore(model, stuck, "cable_drag")
+    assert out.cost <= stuck.cost
+    assert out.cost - near.cost < 0.1 * (stuck.cost - near.cost)
+
+
+def test_an_effect_of_one_number_is_left_as_it_is():
+    model, found = fitted("gain_error", {"scale": 1.3}, [3.0])
+    assert explore(model, found, "gain_error") is found
+
+
+def test_intervals_hold_the_truth(cable):
+    model, found = cable
+    told = estimates(model, found, "cable_drag")
+    for name, value in DRAG.items():
+        low, high = told[name].ci95
+        assert low <= value <= high
+        parameter = effect("cable_drag").parameter(name)
+        assert high - low < 0.3 * (parameter.high - parameter.low)  # it says something
+
+
+def test_few_recordings_leave_a_number_less_sure_than_many(cable):
+    model, found = cable
+    spread = Spread(model, found)
+    apart = np.diag(spread.sandwich(spread.recordings))
+    assert (spread.between_recordings() > apart).all()
+
+
+def test_a_variance_is_no_less_than_any_of_its_parts(cable):
+    spread = Spread(*cable)
+    total = spread.variances()
+    engines = spread.between_engines()
+    assert (engines[-2:] > 0.0).all()
+    for part in (np.diag(spread.believed), spread.between_recordings()):
+        assert (total >= part + engines - 1e-15).all()
+
+
+def test_an_interval_ends_where_the_number_does():
+    model, found = fitted("torque_limit", {"duty": 0.6}, [1.0])
+    spread = Spread(model, found)
+    wide = np.full(len(found.z), 1e6)
+    k = len(found.z) - 1
+    low, high = interval(model, found, spread, wide, k)
+    assert (low, high) == found.hypothesis.knobs[0].bounds
+
+
+def test_an_interval_is_never_narrower_than_its_variance_nor_wider_than_was_looked_at(cable):
+    model, found = cable
+    spread = Spread(model, found)
+    variances = spread.variances()
+    for k in (len(found.z) - 2, len(found.z) - 1):
+        half = NORMAL * np.sqrt(variances[k])
+        low, high = interval(model, found, spread, variances, k)
+        least, most = found.hypothesis.knobs[k - len(model.nuisances)].bounds
+        assert low <= max(least, found.z[k] - half) + 1e-12
+        assert high >= min(most, found.z[k] + half) - 1e-12
+        assert low >= found.z[k] - REACH[-1] * half - 1e-12
+        assert high <= found.z[k] + REACH[-1] * half + 1e-12
+
+
+# -- what speaks against a name -------------------------------------------------------------------
+
+
+def with_numbers(name, values):
+    knobs = effect_knobs(effect(name))
+    model = model_of(logs(motions=["slow"]))
+    z = np.append(np.zeros(len(model.nuisances)), values)
+    return model, Fit(Hypothesis(knobs), z, {}, 0.0)
+
+
+def test_a_size_that_nothing_has_speaks_against_a_name():
+    (knob,) = effect_knobs(effect("load_friction"))
+    model, found = with_numbers("load_friction", [knob.bounds[1]])
+    why = objection(model, found, gain_of("load_friction", found), EVERY)
+    assert "not plausible" in why
+    model, found = with_numbers("load_friction", [0.5 * knob.bounds[1]])
+    assert objection(model, found, gain_of("load_friction", found), EVERY) is None
+
+
+def test_nothing_speaks_against_an_effect_that_is_off_or_against_its_shape():
+    knobs = effect_knobs(effect("cable_drag"))
+    values = [0.0, knobs[1].bounds[1]]
+    model, found = with_numbers("cable_drag", values)
+    assert objection(model, found, gain_of("cable_drag", found), EVERY) is None
+
+
+@pytest.mark.parametrize(
+    ("truth", "speaks"),
+    [({"driving": 0.3, "backdriving": 0.3}, True), ({"driving": 0.1, "backdriving": 0.6}, False)],
+)
+def test_what_is_no_more_than_a_plainer_effect_is_not_named_for_it(truth, speaks):
+    name = "directional_load_friction"
+    model, found = fitted(name, truth, [1.0, 1.0])
+    fewer = {n: e for n, e in EVERY.items() if n != "load_friction"}
+    why = objection(model, found, gain_of(name, found), fewer)
+    assert (why is not None) is speaks
+    assert objection(model, found, gain_of(name, found), EVERY) is None
+
+
+def test_what_explains_far_less_than_a_name_taken_back_is_not_named():
+    model, found = with_numbers("load_friction", [0.1])
+    gain = gain_of("load_friction", found, nats=20.0)
+    assert _objected(model, found, [gain], EVERY, needed=10.0) is None
+    denied = _objected(model, found, [gain], EVERY, needed=30.0)
+    assert denied.because == BETTER
