@@ -88,7 +88,7 @@ def diagnose(
         effects = {name: e for name, e in effects.items() if name not in NOT_IN_ARMS}
     findings: list[JointFindings] = []
     left: list[str] = []
-    for joint in (j.name for j in base.joints):
+    for number, joint in enumerate(j.name for j in base.joints):
         alone = len(base.joints) == 1
         fitted = [o for o in observe(parts.fitted, robot, joint, needed=alone) if not stuck(o)]
         if alone and not fitted:
@@ -109,7 +109,7 @@ def diagnose(
             effects=effects,
             glitches=LOST not in without,
             seed=seed,
-            say=watch if alone else watch.of(joint),
+            say=watch if alone else watch.of(joint, len(base.joints) - number),
             journal=journal,
         )
         silent = left_out((*parts.fitted, *parts.judging), (*fitted, *judging))

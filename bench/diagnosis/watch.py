@@ -45,8 +45,10 @@ class Watch:
         """Tell a stage that is needed in any case."""
         self._say(stage)
 
-    def of(self, joint: str) -> Watch:
-        """The same watch, for one joint of several: it says which."""
-        own = Watch(lambda stage: self._say(f"{joint}: {stage}"), None, self._now_s)
-        own._end_s = self._end_s
-        return own
+    def of(self, joint: str, left: int) -> Watch:
+        """A watch for one joint of ``left`` that are still to do: it says which, and shares fairly.
+
+        What a joint does not use is left for the others.
+        """
+        own = None if self._end_s is None else (self._end_s - self._now_s()) / left
+        return Watch(lambda stage: self._say(f"{joint}: {stage}"), own, self._now_s)

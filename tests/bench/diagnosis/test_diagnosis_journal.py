@@ -130,16 +130,22 @@ def test_a_watch_stops_once_and_then_lets_finish():
     assert watch.late
 
 
-def test_the_watch_of_a_joint_has_the_same_end_and_says_which():
+def test_joints_share_the_time_that_is_left_and_say_which_they_are():
     told, clock = [], Clock()
-    watch = Watch(told.append, 10.0, clock)
-    own = watch.of("elbow")
-    own("first")
-    clock.now_s = 11.0
+    watch = Watch(told.append, 12.0, clock)
+    first = watch.of("shoulder", 2)
+    first("one")
+    clock.now_s = 5.9
+    assert not first.late
+    clock.now_s = 6.0
     with pytest.raises(OutOfTimeError):
-        own("second")
-    assert told == ["elbow: first"]
-    assert watch.late
+        first("two")
+    second = watch.of("elbow", 1)
+    clock.now_s = 11.9
+    second("one")
+    clock.now_s = 12.0
+    assert second.late
+    assert told == ["shoulder: one", "elbow: one"]
     assert watch.stopped is None
 
 
