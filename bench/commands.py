@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 BAR_EVERY_S = 0.5
 
 RobotOption = Annotated[
-    str, typer.Option(help=f"One of {', '.join(robots())}, or the path of a robot file (.toml).")
+    str,
+    typer.Option(
+        help=f"One of {', '.join(robots())}, the path of a robot file (.toml), or servos of a "
+        "model: XM430-W350:1-3@57600."
+    ),
 ]
 
 

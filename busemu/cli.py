@@ -77,8 +77,8 @@ def serve_command(
     robot: Annotated[
         list[str],
         typer.Option(
-            help=f"One of {', '.join(robots())}, or the path of a robot file (.toml). "
-            "Several: one bus each."
+            help=f"One of {', '.join(robots())}, the path of a robot file (.toml), or "
+            "servos of a model, such as XM430-W350:1-3,7@57600. Several: one bus each."
         ),
     ],
     timing: Annotated[
@@ -91,7 +91,8 @@ def serve_command(
     plant: Annotated[
         list[str] | None,
         typer.Option(
-            help="What moves the joints: bullet (physics, the default) or ideal (first order)."
+            help="What moves the joints: bullet (physics; the default, where the robot file "
+            "describes bodies) or ideal (first order)."
         ),
     ] = None,
     link: Annotated[
@@ -167,6 +168,12 @@ def serve_command(
 
         busemu walk --robot marvin --port /dev/pts/3
 
+    Servos of your own need no file: three XM430-W350 as from the factory, or at another baud rate:
+
+        busemu serve --robot XM430-W350:1-3 --link /tmp/servos
+
+        busemu serve --robot XM430-W350:1-3@1000000 --link /tmp/servos
+
     Over a network, with --tcp: one client at a time, at the robot's baud rate; with pyserial,
     serial_for_url("socket://HOST:PORT").
 
@@ -200,7 +207,7 @@ def serve_command(
             Wanted(
                 robot=name,
                 timing=timing_of or None,
-                plant=plant_of or "bullet",
+                plant=plant_of or None,
                 link=_path(link_of),
                 tcp=tcp_of or None,
                 device=device_of or None,

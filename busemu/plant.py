@@ -100,10 +100,14 @@ class Plant(Protocol):
 
 @dataclass(slots=True)
 class _Ideal:
+    """A servo since its last command: where it was then, and where it has been seen since."""
+
     command: DriveCommand
     position_rad: float
     velocity_rad_s: float = 0.0
-    state: ServoState | None = None  #: what was sampled last, if it still holds
+    since_s: float = 0.0
+    state: ServoState | None = None  #: at ``state_s``; at rest it holds for longer
+    state_s: float = 0.0
 
 
 class IdealPlant:
@@ -111,6 +115,8 @@ class IdealPlant:
 
     Each enabled servo approaches its goal with the time constant ``lag_s``, never faster than its
     velocity limit. It has no inertia, no load and no temperature; duty is the position law's own.
+    The motion since a command is known in closed form, so nothing is computed until a servo is
+    looked at, and how often that is changes nothing.
     """
 
     def __init__(
@@ -130,56 +136,56 @@ class IdealPlant:
         self._servos = {i: _Ideal(DriveCommand(), 0.0) for i in servo_ids}
 
     def advance(self, to_s: float) -> None:
-        """Move every servo to ``to_s`` in closed form."""
-        step_s = to_s - self._now_s
-        if not step_s >= 0.0:
+        """Let time go on to ``to_s``."""
+        if not to_s >= self._now_s:
             raise ValueError(f"a plant cannot go back from {self._now_s} s to {to_s} s")
-        if step_s > 0.0:
-            for servo in self._servos.values():
-                self._move(servo, step_s)
         self._now_s = to_s
 
-    def _move(self, servo: _Ideal, step_s: float) -> None:
-        command = servo.command
+    def _motion(self, servo: _Ideal) -> tuple[float, float]:
+        """Position [rad] and velocity [rad/s] at the present instant."""
+        command, step_s = servo.command, self._now_s - servo.since_s
+        if step_s <= 0.0:
+            return servo.position_rad, servo.velocity_rad_s
         if not command.torque_enable or command.duty_limit == 0.0:
-            if servo.velocity_rad_s:
-                servo.velocity_rad_s, servo.state = 0.0, None
-            return
-        servo.state = None
+            return servo.position_rad, 0.0
         limit = min(command.velocity_limit_rad_s, self._no_load * command.duty_limit)
         if command.operating_mode is OperatingMode.POSITION:
             goal = command.goal_position_rad
-            servo.position_rad = _approach(servo.position_rad, goal, limit, self._lag_s, step_s)
-            wanted = (goal - servo.position_rad) / self._lag_s
-            servo.velocity_rad_s = max(-limit, min(limit, wanted))
-        else:
-            wanted = (
-                command.goal_velocity_rad_s
-                if command.operating_mode is OperatingMode.VELOCITY
-                else command.goal_duty * self._no_load
-            )
-            servo.velocity_rad_s = max(-limit, min(limit, wanted))
-            servo.position_rad += servo.velocity_rad_s * step_s
+            position = _approach(servo.position_rad, goal, limit, self._lag_s, step_s)
+            return position, max(-limit, min(limit, (goal - position) / self._lag_s))
+        wanted = (
+            command.goal_velocity_rad_s
+            if command.operating_mode is OperatingMode.VELOCITY
+            else command.goal_duty * self._no_load
+        )
+        velocity = max(-limit, min(limit, wanted))
+        return servo.position_rad + velocity * step_s, velocity
 
     def command(self, servo_id: int, command: DriveCommand) -> None:
         """Set what a drive shall do from now on."""
         servo = self._servos[servo_id]
-        servo.command, servo.state = command, None
+        servo.position_rad, servo.velocity_rad_s = self._motion(servo)
+        servo.command, servo.since_s, servo.state = command, self._now_s, None
 
     def sample(self, servo_id: int) -> ServoState:
         """The state of one servo at the instant last advanced to."""
-        servo = self._servos[servo_id]
-        if servo.state is None:
-            servo.state = ServoState(
-                position_rad=servo.position_rad,
-                velocity_rad_s=servo.velocity_rad_s,
-                duty=position_duty(servo.command, servo.position_rad),
+        servo, now_s = self._servos[servo_id], self._now_s
+        state = servo.state
+        if state is not None and servo.state_s == now_s:
+            return state
+        servo.state_s = now_s
+        position, velocity = self._motion(servo)
+        if state is None or (position, velocity) != (state.position_rad, state.velocity_rad_s):
+            state = servo.state = ServoState(
+                position_rad=position,
+                velocity_rad_s=velocity,
+                duty=position_duty(servo.command, position),
                 torque_nm=0.0,
                 current_a=0.0,
                 voltage_v=self._voltage_v,
                 temperature_c=25.0,
             )
-        return servo.state
+        return state
 
     def observe(self) -> Mapping[str, float]:
         """Nobody stands beside an ideal plant: always empty."""

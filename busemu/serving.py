@@ -47,7 +47,7 @@ class Wanted:
 
     robot: str
     timing: str | None = None
-    plant: str = "bullet"
+    plant: str | None = None  #: by default bullet for a robot with bodies, else ideal
     link: Path | None = None
     tcp: str | None = None
     device: str | None = None
@@ -89,8 +89,9 @@ class Served:
         self.wanted = wanted
         self.robot = load_robot(wanted.robot)
         self.profile = _profile(wanted, self.robot)
-        if wanted.plant not in plants():
-            raise ServingError(f"no plant named {wanted.plant!r}: use one of {', '.join(plants())}")
+        self.plant = wanted.plant or ("bullet" if self.robot.has_bodies else "ideal")
+        if self.plant not in plants():
+            raise ServingError(f"no plant named {self.plant!r}: use one of {', '.join(plants())}")
         self._scenario = load_scenario(wanted.faults, self.robot) if wanted.faults else Scenario()
         self._control: Control | None = None
         self.tracing: Tracing | None = None
@@ -110,7 +111,7 @@ class Served:
     def make_joints(self) -> None:
         """Make the plant, which may take a while."""
         wanted = self.wanted
-        self._plant = plants()[wanted.plant](self.robot, world=wanted.world)
+        self._plant = plants()[self.plant](self.robot, world=wanted.world)
         if wanted.observe is not None:
             self._observation = Observation(wanted.observe, self.robot, self._plant)
 
@@ -180,7 +181,7 @@ class Served:
         wanted, robot, link = self.wanted, self.robot, self.wanted.link
         yield (
             f"{robot.name}: {len(robot.servos)} servos, Protocol {robot.protocol}, "
-            f"{robot.baud_rate} baud; timing {self.profile.name}, plant {wanted.plant}"
+            f"{robot.baud_rate} baud; timing {self.profile.name}, plant {self.plant}"
         )
         yield f"port {self.port.path}" + (f" (also {link})" if link else "")
         yield f"try: {self._suggestion()}"
@@ -191,6 +192,8 @@ class Served:
         if isinstance(self.port, SerialDevice):
             return f"the control board's program, at {self.port.baud_rate()} baud"
         where = self.wanted.link or self.port.path
+        if "gait" not in self.robot.document:
+            return f"busemu timing --robot {self.wanted.robot} --port {where}"
         return f"busemu walk --robot {self.wanted.robot} --port {where}"
 
     def close(self) -> None:

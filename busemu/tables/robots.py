@@ -3,11 +3,16 @@
 One TOML file a robot, under ``busemu/tables/robots/``. The bus, the robot's own software and the
 simulator all start from the same file; each reads the part that is its own. This module reads the
 part that all need: the wiring.
+
+Servos that hang on nothing but a bus need no file: ``XM430-W350:1-3,7`` stands for four servos of
+that model with these IDs, at the baud rate from the factory, and ``XM430-W350:1-3,7@1000000`` for
+the same at another one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +24,9 @@ from .toml_file import read_toml
 
 ROBOTS = Path(__file__).with_name("robots")
 FORMAT = "busemu-robot/1"
+#: Servos without a file: a model or the path of its table, IDs, a baud rate.
+_SERVOS = re.compile(r"(?P<model>.+):(?P<ids>[0-9,-]*)(@(?P<baud_rate>[0-9]+))?")
+_ID_RANGE = re.compile(r"([0-9]{1,3})(?:-([0-9]{1,3}))?")
 
 
 class RobotError(ValueError):
@@ -60,6 +68,11 @@ class Robot:
     servos: tuple[ServoMount, ...]
     document: Mapping[str, Any]
 
+    @property
+    def has_bodies(self) -> bool:
+        """Whether the file says what an engine needs, and not only what is on the bus."""
+        return "supply" in self.document
+
     @cached_property
     def by_id(self) -> Mapping[int, ServoMount]:
         """Servos by their ID on the bus."""
@@ -84,17 +97,51 @@ def robots() -> tuple[str, ...]:
 def load_robot(name_or_path: str | Path) -> Robot:
     """A robot by the name of a file that comes with the package, or by a path to a TOML file.
 
+    Or servos without a file, such as ``XM430-W350:1-3,7`` (see the module).
+
     Raises :class:`RobotError` with one line that says what is wrong and what to do.
     """
+    servos = _SERVOS.fullmatch(str(name_or_path))
+    if servos is not None:
+        return parse_robot(_bare(servos), Path(name_or_path))
     path = Path(name_or_path)
     if path.suffix != ".toml":
         path = ROBOTS / f"{name_or_path}.toml"
         if not path.is_file():
             raise RobotError(
                 f"no robot named {str(name_or_path)!r}: use one of {', '.join(robots())}, "
-                "or the path of a robot file ending in .toml"
+                "the path of a robot file ending in .toml, or servos such as XM430-W350:1-3"
             )
     return parse_robot(read_toml(path, RobotError), path)
+
+
+def _bare(servos: re.Match[str]) -> dict[str, Any]:
+    """The document of servos that hang on nothing but a bus. Raises :class:`RobotError`."""
+    where, model = servos.string, servos["model"]
+    try:
+        table = load_table(model)
+    except TableError as error:
+        raise RobotError(f"{where}: {error}") from None
+    factory = table.baud_rates.get(table["baud_rate"].initial or 0, 1_000_000)
+    return {
+        "format": FORMAT,
+        "name": table.model,
+        "bus": {
+            "protocol": table.protocol,
+            "baud_rate": int(servos["baud_rate"] or factory),
+            "servo_model": model,
+        },
+        "servo": [{"id": i, "joint": f"servo{i}"} for i in _ids(servos["ids"], where)],
+    }
+
+
+def _ids(words: str, where: str) -> Iterator[int]:
+    for word in words.split(","):
+        found = _ID_RANGE.fullmatch(word)
+        first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+        if last < first:
+            raise RobotError(f"{where}: IDs are written as 1-3,7, not {words!r}")
+        yield from range(first, last + 1)
 
 
 def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:

@@ -187,3 +187,38 @@ def test_robot_file_is_found_by_path_and_missing_or_broken_ones_are_refused(
         load_robot(path)
     with pytest.raises(RobotError, match=r"no robot named 'r2d2'.*marvin.*phantomx"):
         load_robot("r2d2")
+
+
+def test_servos_of_a_model_need_no_file(tmp_path: Path) -> None:
+    robot = load_robot("XM430-W350:1-3,7")
+    assert (robot.name, robot.protocol, robot.baud_rate) == ("XM430-W350", 2.0, 57_600)
+    assert [servo.joint for servo in robot.servos] == ["servo1", "servo2", "servo3", "servo7"]
+    assert not robot.has_bodies
+    assert load_robot("MX-28(2.0):5@3000000").baud_rate == 3_000_000
+    assert load_robot("AX-12A:1").baud_rate == 1_000_000
+    mine = tmp_path / "mine.toml"
+    mine.write_text('extends = "AX-12A"\nmodel = "Mine"\nmodel_number = 4242\n', "utf-8")
+    (servo,) = assemble(
+        robot := load_robot(f"{mine}:9"), ideal(robot), load_profile("ideal")
+    ).servos
+    assert (robot.name, servo.servo_id) == ("Mine", 9)
+    assert servo.memory["model_number"] == 4242
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("XM999:1", "no control table for servo model 'XM999'"),
+        ("AX-12A:", "IDs are written as 1-3,7, not ''"),
+        ("AX-12A:3-1", "IDs are written as"),
+        ("AX-12A:1,1", "servo id 1 is there twice"),
+        ("AX-12A:254", "from 0 to 253"),
+        ("AX-12A:1@0", "baud_rate"),
+        ("nowhere.toml:1", "nowhere.toml: cannot be read"),
+    ],
+)
+def test_servos_without_a_file_that_cannot_be_are_refused(words: str, said: str) -> None:
+    with pytest.raises(RobotError) as caught:
+        load_robot(words)
+    assert words in str(caught.value)
+    assert said in str(caught.value)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from virtual_bus import AX, XL, Bench
 
 from busemu.cli import app
-from busemu.serving import ServingError, each
+from busemu.serving import ServingError, Wanted, each, opened
 from busemu.timing import load_profile
 
 BOTH = pytest.mark.parametrize("model", [AX, XL])
@@ -114,3 +114,15 @@ def test_an_echo_is_over_when_the_last_bit_is_on_the_wire(model: str) -> None:
     over_s = len(request) * 1e-5
     assert bench.bus.poll(over_s - 1e-6) == b""
     assert bench.bus.poll(over_s + 1e-6) == request
+
+
+def test_servos_that_hang_on_nothing_are_served_without_an_engine() -> None:
+    with opened([Wanted("XM430-W350:1,2"), Wanted("AX-12A:1")]) as buses:
+        for one in buses:
+            one.assemble()
+            said = "\n".join(one.describe())
+            assert "plant ideal" in said
+            assert f"busemu timing --robot {one.wanted.robot} --port {one.port.path}" in said
+    assert Wanted("marvin").plant is None
+    with opened([Wanted("marvin", timing="instant")]) as (marvin,):
+        assert marvin.plant == "bullet"
