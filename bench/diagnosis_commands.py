@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,13 +13,18 @@ import typer
 from busemu.cli import end_by_interrupt, fail
 from busemu.tables import RobotError, TableError, load_robot, robots
 
+from .stages import stages
+
 if TYPE_CHECKING:
     from rich.console import Console
 
     from busemu.tables import Robot
 
     from .diagnosis.joint import JointFindings
+    from .diagnosis.journal import Journal
+    from .diagnosis.robot_running import Answers
     from .diagnosis.running import Split
+    from .diagnosis.watch import Watch
 
 
 def diagnose(
@@ -80,12 +83,9 @@ def diagnose(
     diagnosed joint by joint. What the words mean stands in docs/how-to/diagnose.md.
     """
     from .diagnosis.journal import FOLDER, Journal
-    from .diagnosis.report import Origin, traces_of, write_report
-    from .diagnosis.running import diagnose as run
-    from .diagnosis.running import write
-    from .diagnosis.sense import DiagnosisError, check_numbers
+    from .diagnosis.report import Origin, write_report
+    from .diagnosis.sense import DiagnosisError
     from .diagnosis.summary import show
-    from .diagnosis.together import together
     from .diagnosis.watch import Watch
     from .recording import RecordingError
 
@@ -98,32 +98,22 @@ def diagnose(
         parts = _parts(recordings, holdout or [], robot, described)
         out.mkdir(parents=True, exist_ok=True)
         _announce(described, parts)
-        with _stages() as say:
+        with stages() as say:
             watch = Watch(say, budget)
-            findings = run(
-                described,
-                parts,
-                without=without or (),
-                seed=seed,
-                say=watch,
-                journal=journal,
-                known=check_numbers((*parts.fitted, *parts.judging), watch.tell),
-            )
-            say("writing the report")
             on = date.today()
-            diagnosis = together(findings)
-            write(described, findings, out, on)
+            answers, findings = _answers(
+                described, parts, out, on, without or (), seed, watch, journal
+            )
             origin = Origin(
                 robot=described.name,
                 title=str(described.document.get("title", robot)),
-                fitted=tuple(o.name for o in findings[0].model.observed),
+                fitted=answers.fitted,
                 left_out=tuple(without or ()),
                 seed=seed,
                 on=on,
                 model=str(out / "model.toml"),
             )
-            traces = [trace for found in findings for trace in traces_of(found)]
-            write_report(out / "report.html", diagnosis, traces, origin)
+            write_report(out / "report.html", answers.diagnosis, answers.traces, origin)
     except (RobotError, TableError, RecordingError, DiagnosisError) as error:
         fail(error)
     except OSError as error:
@@ -141,7 +131,40 @@ def diagnose(
     if len(findings) > 1:
         _tell_joints(findings)
     written = [out / name for name in ("diagnosis.json", "model.toml", "report.html")]
-    show(diagnosis, _console(), written, out / "model.toml")
+    show(answers.diagnosis, _console(), written, out / "model.toml")
+
+
+def _answers(
+    robot: Robot,
+    parts: Split,
+    out: Path,
+    on: date,
+    without: Sequence[str],
+    seed: int,
+    watch: Watch,
+    journal: Journal,
+) -> tuple[Answers, Sequence[JointFindings]]:
+    """Diagnose and write all but the report: a robot on legs as a whole, others joint by joint."""
+    from .diagnosis.report import traces_of
+    from .diagnosis.robot_running import Answers, run_robot, walks
+    from .diagnosis.running import diagnose as run
+    from .diagnosis.running import write
+    from .diagnosis.sense import check_numbers
+    from .diagnosis.together import together
+
+    odd = check_numbers((*parts.fitted, *parts.judging), watch.tell)
+    if walks(robot):
+        answers = run_robot(
+            robot, parts, out, on, without=without, watch=watch, journal=journal, known=odd
+        )
+        watch.tell("writing the report")
+        return answers, ()
+    findings = run(robot, parts, without=without, seed=seed, say=watch, journal=journal, known=odd)
+    watch.tell("writing the report")
+    write(robot, findings, out, on)
+    traces = [trace for found in findings for trace in traces_of(found)]
+    fitted = tuple(o.name for o in findings[0].model.observed)
+    return Answers(together(findings), traces, fitted), findings
 
 
 def _tell_joints(findings: Sequence[JointFindings]) -> None:
@@ -194,23 +217,6 @@ def _announce(robot: Robot, parts: Split) -> None:
             "note: too few groups of recordings to hold any out: what is found is judged on what "
             "was fitted; record more motions, or use --holdout"
         )
-
-
-@contextmanager
-def _stages() -> Iterator[Callable[[str], None]]:
-    """Yield what is told each stage: a moving line at a terminal, else a line each."""
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        start_s = time.monotonic()
-        yield lambda stage: typer.echo(f"{time.monotonic() - start_s:6.0f} s  {stage}", err=True)
-        return
-    columns = SpinnerColumn(), TimeElapsedColumn(), TextColumn("{task.description}")
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("reading", total=None)
-        yield lambda stage: bar.update(task, description=stage)
 
 
 def _console() -> Console:

@@ -10,8 +10,11 @@ import typer
 
 from busemu.cli import end_by_interrupt, fail
 
+from .stages import stages
+
 STUDIES = {
     "stance": "rubber tips, soft joints, both or neither? Eight concealed walks, diagnosed",
+    "loop": "a better model walks over the emulated bus: nearer to the robot than before?",
     "engines": "how far two physics engines are apart on the same walk: the null of every study",
 }
 
@@ -33,21 +36,13 @@ def study(
     anything was diagnosed, study.json, and for every run the joints over the phase of the gait,
     real against model, before and after. Recordings that are there already are not made again.
     """
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
     if name not in STUDIES:
         fail(f"no study named {name!r}: use {' or '.join(STUDIES)}")
     folder = out or Path(f"study-{name}")
     end_by_interrupt()
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     try:
-        with Progress(*columns) as progress:
-            task = progress.add_task(name)
-
-            def say(what: str) -> None:
-                progress.update(task, description=what)
-
-            lines = _stance(folder, seed, say) if name == "stance" else _engines(folder, say)
+        with stages() as say:
+            lines = STUDY[name](folder, seed, say)
     except ImportError as error:
         fail(f"{error}: a study needs the extra proof: pip install 'busemu[proof]'")
     except (OSError, ValueError) as error:
@@ -65,23 +60,33 @@ def _stance(folder: Path, seed: int, say: Callable[[str], None]) -> list[str]:
     result = run(seed, folder, say)
     lines = []
     for answer in result["answers"]:
-        right = "right" if answer["answer"] == answer["truth"] else "WRONG"
         found = ", ".join(f"{e['name']} {e['value']:.3g} {e['unit']}" for e in answer["effects"])
         lines.append(
             f"{answer['run']} from {answer['channels']}: {answer['answer']} "
-            f"(true: {answer['truth']}, {right}) {found}"
+            f"(true: {answer['truth']}, {answer['judged']}) {found}"
         )
     for channels, score in result["score"].items():
         lines.append(
-            f"from {channels}: {score['right']} of {score['of']} right; "
+            f"from {channels}: {score['right']} of {score['of']} right, "
+            f"{score['undecided']} undecided, {score['wrong']} wrong; "
             f"tips {score['tips_right']}, joints {score['joints_right']}"
         )
     lines.append(f"next: look at {folder}/summary.png and {folder}/run-1-after.png")
     return lines
 
 
-def _engines(folder: Path, say: Callable[[str], None]) -> list[str]:
+def _loop(folder: Path, seed: int, say: Callable[[str], None]) -> list[str]:
+    from .studies.loop import lines
+    from .studies.loop import study as run
+
+    return [*lines(run(seed, folder, say)), f"next: look at {folder}/loop.png"]
+
+
+def _engines(folder: Path, seed: int, say: Callable[[str], None]) -> list[str]:
     from .studies.engines import write_study
 
     lines = write_study(folder, say)
     return [*lines, f"next: look at {folder}/engines.png"]
+
+
+STUDY = {"stance": _stance, "loop": _loop, "engines": _engines}

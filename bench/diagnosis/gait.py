@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,6 +164,11 @@ class Bins:
         count = int(index.max(initial=-1)) + 1
         middles = (np.arange(count, dtype=np.float64) + 0.5) * WINDOW_S + from_s
         return cls(index, turn, middles, 2)
+
+    def within(self, sample_s: Floats, span: tuple[float, float]) -> Bins:
+        """The same bins with only the samples within a span of time."""
+        inside = (sample_s >= span[0]) & (sample_s <= span[1])
+        return replace(self, bin=np.where(inside, self.bin, -1))
 
     @property
     def counts(self) -> Ints:

@@ -17,10 +17,11 @@ from busemu.tables import Robot
 from sim.stepped import TICK_S
 
 from .gait import Bins, Phase, commanded_lift, gait_phase, held_at
-from .robot_replay import Course, Track
+from .robot_replay import SETTLE_S, Course, Span, Track
 
 Floats = NDArray[np.float64]
 
+CYCLES = 3.0  #: of a gait, in short replays: over fewer, contacts make means rough
 APART_S = 1000.0  #: between the joints' times in a block, so that noise remembers none of another
 STILL_S = 0.1  #: at the beginning of a recording in which a robot has not moved yet; assumed
 STAND_UP_S = 1.0  #: left out of windows of time at the beginning; assumed
@@ -115,13 +116,28 @@ class Features:
             found[mine] = bins.mean(value)[self.bin[mine]]
         return found
 
+    @property
+    def span(self) -> Span | None:
+        """A span of some cycles, with what a replay needs before to settle; or all."""
+        if self.phase is None:
+            return None
+        steady = self.phase.t_s[np.isfinite(self.phase.cycles)]
+        start = max(0.0, float(steady[0]) - SETTLE_S)
+        end = min(self.course.end_s, float(steady[0]) + CYCLES * self.phase.period_s)
+        return start, end
+
     def of_track(self, track: Track) -> tuple[Floats, Floats]:
         """Means of a replay: joint angles (rows,) [rad], heights (bins,) [m]."""
-        angles = self.rows([track.at(j, t) for j, t in enumerate(self.course.sample_s)])
+        found = np.empty(len(self.bin))
+        for j, (bins, t) in enumerate(zip(self.bins, self.course.sample_s, strict=True)):
+            mine = self.joint_row == j
+            told = bins.within(t, track.span)
+            found[mine] = told.mean(track.at(j, t))[self.bin[mine]]
         if self.height_bins is None or self.course.height is None:
-            return angles, np.empty(0)
-        heights = np.interp(self.course.height[0], track.height_t_s, track.height_m)
-        return angles, self.height_bins.mean(_risen(self.course.height[0], heights))
+            return found, np.empty(0)
+        seen_s = self.course.height[0]
+        heights = np.interp(seen_s, track.height_t_s, track.height_m) - track.rest_m
+        return found, self.height_bins.within(seen_s, track.span).mean(heights)
 
     def speeds(self, track: Track) -> tuple[Floats, Floats]:
         """How means move with a later instant [rad/s], and with a later turn (rows,)."""
@@ -142,18 +158,22 @@ class Features:
         return found
 
     def like(self, other: Features) -> bool:
-        """Whether two recordings are of one motion under one condition."""
-        same = (
+        """Whether what changes a robot does the same to both: walks, or one motion, of one load."""
+        if _weights(self.course) != _weights(other.course) or not self.rows_like(other):
+            return False
+        if self.phase is not None and other.phase is not None:
+            return True
+        apart = self.goal_rad - other.goal_rad
+        return bool(np.sqrt(np.mean(apart**2)) < ALIKE_RAD)
+
+    def rows_like(self, other: Features) -> bool:
+        """Whether two recordings have the same rows."""
+        return (
             len(self.bin) == len(other.bin)
             and bool((self.bin == other.bin).all())
             and (self.height_bins is None) == (other.height_bins is None)
             and len(self.height_m) == len(other.height_m)
-            and _weights(self.course) == _weights(other.course)
         )
-        if not same:
-            return False
-        apart = self.goal_rad - other.goal_rad
-        return bool(np.sqrt(np.mean(apart**2)) < ALIKE_RAD)
 
 
 def _weights(course: Course) -> tuple[object, ...]:

@@ -2,9 +2,9 @@
 
 Replays of a whole robot take the time of hundreds of one joint's, so a vector is not replayed. What
 a nuisance does is a trace replayed once a motion; what an effect does is replayed at a few values
-of its knob and interpolated; traces add up. Where a fit has led somewhere,
-:meth:`RobotModel.recentre` replays exactly there and keeps the difference, so that the next fit
-starts from truth.
+of its knob and interpolated; traces add up. Contacts make traces rough: where a fit has led
+somewhere, :meth:`RobotModel.recentre` replays exactly there, nuisances and all, and keeps the
+difference, so that the next fit starts from truth and traces only say which way to go.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from scipy.interpolate import PchipInterpolator
 from busemu.tables import Robot
 from sim.tree import PhysicalRobot
 
-from .model import Hypothesis
+from .journal import Journal
 from .noise import Block
 from .robot_effects import Placed, placed_effects
 from .robot_features import Features, RobotKind
-from .robot_nuisances import RobotNuisance, nuisances, trials
+from .robot_nuisances import RobotNuisance, nuisances, replayable, trials
 from .robot_pool import Job, Outcome, Replays
 from .robot_replay import Course
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
+Settings = tuple[tuple[str, float], ...]  #: placed effects and values of their knobs
 RobotBlocks = dict[tuple[int, RobotKind], Block]
 
 JITTERS = 3  #: replays with a slightly other start, for the spread of replays
@@ -57,11 +58,12 @@ def rows_of(outcome: Outcome) -> Rows:
 
 
 class RobotModel:
-    """Residuals of a whole robot; a vector is the nuisances, then the hypothesis's knobs.
+    """Residuals of a whole robot; a vector is the nuisances, then the knobs of some effects.
 
-    Knobs are those of :mod:`bench.diagnosis.robot_effects`. ``without`` are nuisances that are
-    taken to be known, by the first word of their names (``zero``). Close it, or use it with
-    ``with``.
+    Knobs are those of effects at places (:mod:`bench.diagnosis.robot_effects`), in the order of
+    their names. ``without`` are nuisances that are taken to be known, by the first word of their
+    names (``zero``). What nuisances do to recordings that are only ``judging`` is taken from a walk
+    that is fitted. Replays are kept in the ``journal``. Close it, or use it with ``with``.
     """
 
     def __init__(
@@ -72,6 +74,8 @@ class RobotModel:
         say: Progress = lambda _: None,
         processes: int | None = None,
         without: Collection[str] = (),
+        judging: Collection[int] = (),
+        journal: Journal | None = None,
     ) -> None:
         self.base = base
         self.features = tuple(Features.of(course, robot) for course in courses)
@@ -83,13 +87,16 @@ class RobotModel:
         )
         self.placed: dict[str, Placed] = placed_effects(base)
         self.motion = _motions(self.features)  #: for each recording, the first like it
-        self.replays = Replays(base, self.features, processes)
+        self._like = _alike(self.features, self.motion, judging)
+        self.replays = Replays(robot, self.features, self.nuisances, processes, journal)
         self._joints = [joint.name for joint in base.joints]
         self._curves: dict[tuple[str, int], PchipInterpolator] = {}
         say("replaying the recordings")
         self.centre: list[Rows] = self._run([Job(r) for r in self._every])
-        self._plain = list(self.centre)
-        self._centred_on: tuple[tuple[str, float], ...] = ()
+        self._plain = {m: self._run([Job(m, short=True)])[0] for m in sorted(set(self.motion))}
+        nothing: Settings = ()
+        zero = np.zeros(len(self.nuisances))
+        self._centred_on: list[tuple[Settings, Floats]] = [(nothing, zero)] * len(self.features)
         say("replaying from slightly other starts")
         self.spread = self._spread()
         say("replaying with what is never exactly as believed")
@@ -114,7 +121,7 @@ class RobotModel:
     def _spread(self) -> dict[int, Rows]:
         """Variance of replays that start a little otherwise, by motion."""
         motions = sorted(set(self.motion))
-        jobs = [Job(m, jitter=seed) for m in motions for seed in range(1, JITTERS + 1)]
+        jobs = [Job(m, jitter=j, short=True) for m in motions for j in range(1, JITTERS + 1)]
         found = self._run(jobs)
         spread = {}
         for i, m in enumerate(motions):
@@ -134,11 +141,11 @@ class RobotModel:
             found[RobotKind.HEIGHT] = spread[RobotKind.HEIGHT]
         return found
 
-    def _traces(self) -> dict[int, dict[RobotKind, Floats]]:
-        """By motion and kind: rows x nuisances, each for one deviation of its prior."""
-        motions = sorted(set(self.motion))
+    def _traces(self) -> list[dict[RobotKind, Floats]]:
+        """By recording and kind: rows x nuisances, each for one deviation of its prior."""
+        motions = sorted(set(self._like))
         every = self._trials
-        jobs = [Job(m, trial=trial.name) for m in motions for trial in every]
+        jobs = [Job(m, trial=trial.name, short=True) for m in motions for trial in every]
         found = iter(self._run(jobs))
         traces = {}
         for m in motions:
@@ -153,7 +160,7 @@ class RobotModel:
                 kind: np.nan_to_num(np.stack([column[kind] for column in columns], axis=1))
                 for kind in self._plain[m]
             }
-        return traces
+        return [traces[m] for m in self._like]
 
     def _trace(self, m: int, nuisance: RobotNuisance, by_trial: Mapping[str, Rows]) -> Rows:
         features = self.features[m]
@@ -176,10 +183,6 @@ class RobotModel:
             rows = zero | {RobotKind.JOINTS: np.where(own, rows[RobotKind.JOINTS], 0.0)}
         return {kind: values * nuisance.deviation for kind, values in rows.items()}
 
-    def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
-        """Whether a number turns what only a controller's channel shows: there is none here."""
-        return False
-
     def floors(self) -> Mapping[RobotKind, float]:
         """The least white deviation: rounding, averaged over a row, and what engines differ by."""
         count = float(np.median(np.concatenate([f.count for f in self.features])))
@@ -189,11 +192,16 @@ class RobotModel:
             floors[RobotKind.HEIGHT] = HEIGHT_FLOOR_M
         return floors
 
-    def prepare(self, names: Sequence[str], first_only: bool = False) -> None:
+    def prepare(
+        self,
+        names: Sequence[str],
+        first_only: bool = False,
+        motions: Sequence[int] | None = None,
+    ) -> None:
         """Replay effects at the values of their curves (or at the first try only)."""
         jobs = [
-            Job(m, ((name, z),))
-            for m in sorted(set(self.motion))
+            Job(m, ((name, z),), short=True)
+            for m in (sorted(set(self.motion)) if motions is None else motions)
             for name in names
             for z in ([self.placed[name].first_z] if first_only else self._grid(name))
         ]
@@ -203,14 +211,15 @@ class RobotModel:
         placed = self.placed[name]
         low, high = placed.knob.bounds
         sizes = [placed.first_z * x for x in GRID]
-        both = [-z for z in reversed(sizes)] + sizes if low < 0.0 else sizes
+        middle = sizes[1:3]
+        both = [-z for z in reversed(middle)] + middle if low < 0.0 else sizes
         inside = [min(high, max(low, z)) for z in both]
         return sorted({z for z in inside if z != 0.0})
 
     def first_trace(self, name: str, m: int) -> Rows:
         """What an effect does to a motion at its first try, for one unit of its knob."""
         z = self.placed[name].first_z
-        (rows,) = self._run([Job(m, ((name, z),))])
+        (rows,) = self._run([Job(m, ((name, z),), short=True)])
         return {
             kind: np.nan_to_num((rows[kind] - base) / z) for kind, base in self._plain[m].items()
         }
@@ -219,16 +228,16 @@ class RobotModel:
         """What an effect does to a motion against its knob: all kinds' rows after each other."""
         key = (name, m)
         if key not in self._curves:
-            self.prepare([name])
+            self.prepare([name], motions=[m])
             zs = [0.0]
             values = [np.zeros(sum(len(v) for v in self._plain[m].values()))]
             base = np.concatenate(list(self._plain[m].values()))
             for z in self._grid(name):
-                (rows,) = self._run([Job(m, ((name, z),))])
+                (rows,) = self._run([Job(m, ((name, z),), short=True)])
                 moved = np.concatenate(list(rows.values())) - base
-                if np.isfinite(moved).all():
+                if np.isfinite(moved).any():
                     zs.append(z)
-                    values.append(moved)
+                    values.append(np.nan_to_num(moved))
             order = np.argsort(zs)
             self._curves[key] = PchipInterpolator(
                 np.array(zs)[order], np.array(values)[order], axis=0, extrapolate=True
@@ -245,56 +254,48 @@ class RobotModel:
         ends = np.cumsum([len(v) for v in base.values()])[:-1]
         return dict(zip(base, np.split(total, ends), strict=True))
 
-    @staticmethod
-    def settings(hypothesis: Hypothesis, z: Floats) -> tuple[tuple[str, float], ...]:
-        """Placed effects and values of their knobs."""
-        return tuple((k.effect, float(x)) for k, x in zip(hypothesis.knobs, z, strict=True))
+    def modelled(self, settings: Sequence[tuple[str, float]], z: Floats, r: int) -> Rows:
+        """Rows of a recording under effects and nuisances."""
+        m = self._like[r]
+        middle, centre = self._centred_on[r]
+        now, then = self._effects(m, settings), self._effects(m, middle)
+        away = z - centre
+        return {
+            kind: rows + now[kind] - then[kind] + self.traces[r][kind] @ away
+            for kind, rows in self.centre[r].items()
+        }
 
-    def modelled(self, settings: Sequence[tuple[str, float]], r: int) -> Rows:
-        """Rows of a recording under effects, without nuisances."""
-        m = self.motion[r]
-        now, then = self._effects(m, settings), self._effects(m, self._centred_on)
-        return {kind: rows + now[kind] - then[kind] for kind, rows in self.centre[r].items()}
-
-    def recentre(self, settings: Sequence[tuple[str, float]]) -> float:
-        """Replay exactly there, and take that for the middle of the curves.
-
-        Returns how far they were off, RMS over joint rows [rad].
-        """
-        guessed = [self.modelled(settings, r)[RobotKind.JOINTS] for r in self._every]
-        found = self._run([Job(r, tuple(settings)) for r in self._every])
-        apart = [rows[RobotKind.JOINTS] - guess for rows, guess in zip(found, guessed, strict=True)]
-        self.centre, self._centred_on = found, tuple(settings)
-        return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
-
-    def residuals(
+    def recentre(
         self,
-        hypothesis: Hypothesis,
-        vectors: Sequence[Floats],
+        settings: Sequence[tuple[str, float]],
+        z: Floats,
         which: Sequence[int] | None = None,
-        kinds: Sequence[object] = (),
-    ) -> list[RobotBlocks]:
-        """Residual blocks (recorded less modelled) of some recordings, for every vector.
+    ) -> float:
+        """Replay some recordings (all) exactly there, and take that for the middle of the curves.
 
-        All kinds are given whatever is asked for: they cost nothing.
+        ``z`` are the nuisances. Returns how far the curves were off, RMS over joint rows [rad].
         """
         chosen = list(self._every if which is None else which)
+        at = replayable(self.nuisances, z)
+        guessed = [self.modelled(settings, at, r)[RobotKind.JOINTS] for r in chosen]
+        told = tuple(settings), tuple(at.tolist()) if at.any() else ()
+        found = self._run([Job(r, told[0], nuisances=told[1]) for r in chosen])
+        if not all(np.isfinite(rows[RobotKind.JOINTS]).all() for rows in found):
+            return float("inf")
+        apart = [rows[RobotKind.JOINTS] - guess for rows, guess in zip(found, guessed, strict=True)]
+        for r, rows in zip(chosen, found, strict=True):
+            self.centre[r], self._centred_on[r] = rows, (told[0], at)
+        return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
+
+    def residuals(self, names: Sequence[str], z: Floats, which: Sequence[int]) -> RobotBlocks:
+        """Residual blocks (recorded less modelled) of some recordings for a vector."""
         count = len(self.nuisances)
-        made: dict[tuple[bytes, int], Rows] = {}
-        result = []
-        for z in vectors:
-            settings = self.settings(hypothesis, z[count:])
-            blocks: RobotBlocks = {}
-            for r in chosen:
-                key = (z[count:].tobytes(), r)
-                if key not in made:
-                    made[key] = self.modelled(settings, r)
-                for kind, rows in made[key].items():
-                    trace = self.traces[self.motion[r]][kind]
-                    value = self._data[r][kind] - rows - trace @ z[:count]
-                    blocks[r, kind] = self.block(r, kind, value)
-            result.append(blocks)
-        return result
+        settings = tuple(zip(names, z[count:].tolist(), strict=True))
+        blocks: RobotBlocks = {}
+        for r in which:
+            for kind, rows in self.modelled(settings, z[:count], r).items():
+                blocks[r, kind] = self.block(r, kind, self._data[r][kind] - rows)
+        return blocks
 
     def recorded(self, r: int, kind: RobotKind) -> Floats:
         """Rows of a recording as it was; NaN where nobody saw."""
@@ -327,4 +328,16 @@ def _motions(features: Sequence[Features]) -> tuple[int, ...]:
     for r, one in enumerate(features):
         first = next((m for m in sorted(set(found)) if features[m].like(one)), r)
         found.append(first)
+    return tuple(found)
+
+
+def _alike(
+    features: Sequence[Features], motion: Sequence[int], judging: Collection[int]
+) -> tuple[int, ...]:
+    """For each recording the motion whose traces and curves are taken for its own."""
+    fitted = [m for q, m in enumerate(motion) if q not in judging]
+    found = []
+    for r, own in enumerate(motion):
+        others = [m for m in fitted if features[m].rows_like(features[r])]
+        found.append(own if own in fitted or not others else others[0])
     return tuple(found)

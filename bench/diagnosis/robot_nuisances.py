@@ -9,8 +9,11 @@ kind changed gives the traces of each of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sim.drive.parameters import DriveParameters
 from sim.effects import effect
@@ -19,6 +22,8 @@ from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
 from .knobs import FARTHEST
+
+Floats = NDArray[np.float64]
 
 ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
 
@@ -159,6 +164,42 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
     found.append(RobotNuisance("sampling", "s", 0.0015, late))
     found.append(RobotNuisance("turn", "(ratio)", 0.15, "when it is a servo's turn; assumed"))
     return tuple(found)
+
+
+#: nuisances of a register's reading: no replay has them, but their traces are exact
+READ = frozenset({"reading", "sampling", "turn"})
+
+
+def replayable(nuisances: Sequence[RobotNuisance], z: Floats) -> Floats:
+    """Values that a replay can have; 0 where it cannot (a command cannot act before it comes)."""
+    words = [nuisance.name.split()[0] for nuisance in nuisances]
+    able = [
+        word not in READ and (word != "late" or x > 0.0)
+        for word, x in zip(words, z.tolist(), strict=True)
+    ]
+    return np.where(able, z, 0.0)
+
+
+def with_nuisances(
+    robot: PhysicalRobot, every: Sequence[RobotNuisance], z: Sequence[float]
+) -> PhysicalRobot:
+    """The robot with nuisances at some values of deviations, those that a replay can have."""
+    known = {trial.name: trial for trial in trials(robot)}
+    own = {"torque": _torque, "friction": _friction}
+    for nuisance, deviations in zip(every, z, strict=True):
+        x = deviations * nuisance.deviation
+        change = own.get(nuisance.name.split()[0])
+        if x == 0.0:
+            continue
+        if change is None:
+            robot = known[nuisance.name].change(robot, x)
+        else:
+            joints = tuple(
+                replace(j, drive=change(j.drive, x)) if j.name == nuisance.joint else j
+                for j in robot.joints
+            )
+            robot = replace(robot, joints=joints)
+    return robot
 
 
 #: of the whole robot: unit, deviation, source

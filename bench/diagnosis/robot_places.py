@@ -3,75 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from .fit import Fit
 from .robot_features import RobotKind
+from .robot_fit import RobotFit
 from .robot_model import RobotModel
 
-Floats = NDArray[np.float64]
+#: neighbouring bins of a phase err together: so many of them tell as much as one; assumed
+TOGETHER = 4.0
+SIGNIFICANT = 0.05
+STANDS_OUT = 3.0  #: times the middle leg's, from which a leg's misfit is told on its own
 
-DRAWS = 2000  #: of shifts of the phase, for p-values
 
+def mismatch(
+    model: RobotModel, found: RobotFit, which: Sequence[int]
+) -> tuple[dict[str, Any], ...]:
+    """Where more is left than noise leaves, as ``diagnosis.json`` has it, the largest share first.
 
-@dataclass(frozen=True, slots=True)
-class RobotPlace:
-    """Joints of one kind in stance or swing.
-
-    ``share`` of the whole misfit's squares, ``mean_rad`` and ``rms_rad`` of recorded less modelled.
-    ``p_value``: how often as much would lie there if the misfit knew no phase (whole courses of
-    joints shifted at random against stance and swing), times the number of places looked at.
+    A place is a joint in stance or swing; those of one kind stand together, but legs that stand
+    out stand on their own. ``p_value`` is the chance of as much from noise and from what two
+    engines differ by, times the number of places.
     """
-
-    part: str
-    phase: str
-    joints: tuple[str, ...]
-    share: float
-    mean_rad: float
-    rms_rad: float
-    p_value: float
-
-
-def places(model: RobotModel, found: Fit, which: Sequence[int], seed: int = 0) -> list[RobotPlace]:
-    """Kinds of joints by stance and swing, the largest share first; a hexapod that walks."""
-    (blocks,) = model.residuals(found.hypothesis, [found.z], which)
+    blocks = model.residuals(found.names, found.z, which)
     names = [joint.name for joint in model.base.joints]
-    random = np.random.default_rng(seed)
-    squares: dict[tuple[str, str], float] = {}
-    shuffled: dict[tuple[str, str], Floats] = {}
-    rows: dict[tuple[str, str], list[Floats]] = {}
+    floor = model.floors()[RobotKind.JOINTS] ** 2
+    sums: dict[tuple[str, str], float] = {}
+    ratios: dict[tuple[str, str], float] = {}
+    counts: dict[tuple[str, str], int] = {}
     for r in which:
-        features = model.features[r]
-        value = blocks[r, RobotKind.JOINTS].value
+        features, block = model.features[r], blocks[r, RobotKind.JOINTS]
         for j, joint in enumerate(names):
-            mine = features.joint_row == j
-            part = joint.rpartition(".")[2]
-            stance, course = features.stance[mine], value[mine]
-            shifts = random.integers(len(course), size=DRAWS)
-            for phase, there in (("stance", stance), ("swing", ~stance)):
-                key = part, phase
-                rows.setdefault(key, []).append(course[there])
-                squares[key] = squares.get(key, 0.0) + float(np.sum(course[there] ** 2))
-                rolled = np.stack([np.roll(course**2, k) for k in range(len(course))])
-                sums = rolled[:, there].sum(axis=1)[shifts]
-                shuffled[key] = shuffled.get(key, np.zeros(DRAWS)) + sums
-    total = sum(squares.values()) or 1.0
-    result = []
-    for (part, phase), sum_of in squares.items():
-        values = np.concatenate(rows[part, phase])
-        by_chance = (1.0 + float(np.sum(shuffled[part, phase] >= sum_of))) / (1.0 + DRAWS)
-        result.append(
-            RobotPlace(
-                part,
-                phase,
-                tuple(name for name in names if name.endswith(f".{part}")),
-                sum_of / total,
-                float(np.mean(values)) if len(values) else 0.0,
-                float(np.sqrt(np.mean(values**2))) if len(values) else 0.0,
-                min(1.0, by_chance * len(squares)),
-            )
-        )
-    return sorted(result, key=lambda place: -place.share)
+            for phase, stands in (("stance", True), ("swing", False)):
+                there = (features.joint_row == j) & (features.stance == stands)
+                key = joint, phase
+                square = block.value[there] ** 2
+                sums[key] = sums.get(key, 0.0) + float(square.sum())
+                ratio = float((square / (floor + block.extra[there])).sum())
+                ratios[key] = ratios.get(key, 0.0) + ratio
+                counts[key] = counts.get(key, 0) + int(there.sum())
+    total = sum(sums.values()) or 1.0
+    chance = {
+        key: min(1.0, len(sums) * float(chi2.sf(ratios[key] / TOGETHER, counts[key] / TOGETHER)))
+        for key in sums
+        if counts[key]
+    }
+    rows = []
+    for part in dict.fromkeys(name.rpartition(".")[2] for name in names):
+        for phase in ("stance", "swing"):
+            keys = [k for k in chance if k[0].endswith(f".{part}") and k[1] == phase]
+            telling = [k for k in keys if chance[k] < SIGNIFICANT]
+            usual = float(np.median([sums[k] / counts[k] for k in keys])) if keys else 0.0
+            own = [k for k in telling if sums[k] / counts[k] > STANDS_OUT * usual]
+            groups = [[k] for k in own] + [[k for k in telling if k not in own]]
+            rows += [
+                {
+                    "channel": "present_position",
+                    "joints": [joint for joint, _ in group],
+                    "phase": phase,
+                    "share": sum(sums[k] for k in group) / total,
+                    "p_value": min(chance[k] for k in group),
+                }
+                for group in groups
+                if group
+            ]
+    return tuple(sorted(rows, key=lambda row: -float(str(row["share"]))))

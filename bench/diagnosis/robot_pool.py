@@ -8,19 +8,21 @@ import threading
 import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from busemu.tables import Robot
 from sim.entries import PhysicsError
-from sim.tree import PhysicalRobot
+from sim.model import read_model
 
+from .journal import Journal, code, digest
 from .robot_effects import Placed, placed_effects
 from .robot_features import Features
-from .robot_nuisances import Trial, trials
-from .robot_replay import Jitter, loaded, play
+from .robot_nuisances import RobotNuisance, Trial, trials, with_nuisances
+from .robot_replay import Course, Jitter, loaded, play
 
 Floats = NDArray[np.float64]
 
@@ -29,12 +31,18 @@ WATCH_S = 1.0  #: how often a process looks whether the one that started it is s
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A replay: of a recording, with effects at values of their knobs, a trial, another start."""
+    """A replay: of a recording, with effects at values of their knobs, a trial, another start.
+
+    ``nuisances`` are values of deviations, of all or of none. ``short``: only of a few cycles of
+    the gait, where there is one.
+    """
 
     recording: int
     effects: tuple[tuple[str, float], ...] = ()  #: placed effect and ``z``
     trial: str = ""
+    nuisances: tuple[float, ...] = ()
     jitter: int = 0  #: seed; 0 is the plain start
+    short: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,40 +56,63 @@ class Outcome:
     scatter_rad2: Floats
 
 
-class _Bench:
-    """What a process needs: the base robot and the recordings."""
+ROWS = tuple(field.name for field in fields(Outcome))
 
-    def __init__(self, base: PhysicalRobot, features: Sequence[Features]) -> None:
-        self.base, self.features = base, features
+
+def _key(robot: Robot, course: Course) -> str:
+    """A hash of all that a replay of a recording depends on, but the job."""
+    arrays = (*course.sample_s, *course.wait_s, *course.position_rad, *(course.height or ()))
+    goals = [part for goal in course.goals.values() for part in goal]
+    told = sorted(course.condition.items(), key=str)
+    return digest(code(), robot.document, told, course.start, course.events, *arrays, *goals)
+
+
+class _Bench:
+    """What a process needs: the robot as believed and the recordings."""
+
+    def __init__(
+        self, robot: Robot, features: Sequence[Features], every: Sequence[RobotNuisance]
+    ) -> None:
+        self.features, self.nuisances = features, every
+        base = read_model(robot)
+        self._believed = [loaded(robot, found.course.condition) for found in features]
         self.placed: dict[str, Placed] = placed_effects(base)
         self.trials: dict[str, Trial] = {trial.name: trial for trial in trials(base)}
 
     def run(self, job: Job) -> Outcome:
         """Replay."""
         found = self.features[job.recording]
-        robot = loaded(self.base, found.course.condition)
+        robot = self._believed[job.recording]
         for name, z in job.effects:
             placed = self.placed[name]
             robot = placed.apply(robot, placed.knob.value(z))
+        if job.nuisances:
+            robot = with_nuisances(robot, self.nuisances, job.nuisances)
         if job.trial:
             trial = self.trials[job.trial]
             robot = trial.change(robot, trial.size)
         try:
-            track = play(robot, found.course, Jitter(job.jitter) if job.jitter else None)
+            jitter = Jitter(job.jitter) if job.jitter else None
+            track = play(robot, found.course, jitter, found.span if job.short else None)
         except PhysicsError:
             lost = np.full(len(found.bin), np.nan)
             return Outcome(lost, np.full(len(found.height_m), np.nan), lost, lost, lost)
-        speed, turn = found.speeds(track)
-        return Outcome(*found.of_track(track), speed, turn, found.scatter(track))
+        angle, height = found.of_track(track)
+        if job.short:
+            none = np.empty(0)
+            return Outcome(angle, height, none, none, none)
+        return Outcome(angle, height, *found.speeds(track), found.scatter(track))
 
 
 _bench: _Bench | None = None
 
 
-def _begin(base: PhysicalRobot, features: Sequence[Features], parent: int) -> None:
+def _begin(
+    robot: Robot, features: Sequence[Features], every: Sequence[RobotNuisance], parent: int
+) -> None:
     """Make a process ready; it ends with the one that started it, however that ends."""
     global _bench  # noqa: PLW0603 - one a process
-    _bench = _Bench(base, features)
+    _bench = _Bench(robot, features, every)
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -100,10 +131,17 @@ class Replays:
     """Runs jobs on ``processes`` (as many as there are cores, if None), and keeps what came out."""
 
     def __init__(
-        self, base: PhysicalRobot, features: Sequence[Features], processes: int | None = None
+        self,
+        robot: Robot,
+        features: Sequence[Features],
+        every: Sequence[RobotNuisance],
+        processes: int | None = None,
+        journal: Journal | None = None,
     ) -> None:
+        self._journal = journal
+        self._keys = [_key(robot, found.course) for found in features] if journal else []
         self._known: dict[Job, Outcome] = {}
-        self._here = _Bench(base, features)
+        self._here = _Bench(robot, features, every)
         count = processes or len(os.sched_getaffinity(0))
         self._pool: ProcessPoolExecutor | None = None
         if count > 1:
@@ -111,7 +149,7 @@ class Replays:
                 count,
                 multiprocessing.get_context("fork"),  # a robot's mappings cannot be pickled
                 _begin,
-                (base, features, os.getpid()),
+                (robot, features, every, os.getpid()),
             )
         self.count = 0  #: replays run so far
 
@@ -119,6 +157,7 @@ class Replays:
         """Outcomes of jobs, in their order; those known already cost nothing."""
         wanted = list(jobs)
         new = [job for job in dict.fromkeys(wanted) if job not in self._known]
+        new = [job for job in new if not self._recalled(job)]
         if self._pool is not None and len(new) > 1:
             found: Iterable[Outcome] = self._pool.map(_run, new)
         else:
@@ -126,7 +165,20 @@ class Replays:
         for job, outcome in zip(new, found, strict=True):
             self._known[job] = outcome
             self.count += 1
+            if self._journal is not None:
+                given = {name: getattr(outcome, name).tolist() for name in ROWS}
+                self._journal.put(digest(self._keys[job.recording], job), given)
         return [self._known[job] for job in wanted]
+
+    def _recalled(self, job: Job) -> bool:
+        """Whether an earlier run has kept it."""
+        if self._journal is None:
+            return False
+        kept = self._journal.get(digest(self._keys[job.recording], job))
+        if kept is None:
+            return False
+        self._known[job] = Outcome(*(np.array(kept[name], np.float64) for name in ROWS))
+        return True
 
     def close(self) -> None:
         """End the processes."""

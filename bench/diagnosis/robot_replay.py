@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from bench.recording import Recording, RecordingError, joint_track
 from busemu.tables import Robot
-from sim.condition import under
 from sim.drive import kernel
 from sim.drive.parameters import pack
-from sim.shapes import spread
+from sim.model import read_model
 from sim.stability import LARGEST, stiffness_number, too_stiff
 from sim.stepped import TICK_S, SteppedPlant
-from sim.tree import SEGMENTS, PhysicalRobot, Trunk
+from sim.tree import SEGMENTS, PhysicalRobot
 from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
 from .commands import drive_commands
@@ -32,6 +31,7 @@ LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
 TURN = 0.87
 #: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
 LATE_S = 0.0015
+SETTLE_S = 1.0  #: in which a replay that begins in the middle of a course only settles; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +60,11 @@ class Course:
     def end_s(self) -> float:
         """The last sample [s]."""
         return max(float(t[-1]) for t in self.sample_s if len(t))
+
+    def at(self, t_s: float) -> Floats:
+        """Recorded angles of all joints at an instant [rad]."""
+        every = zip(self.sample_s, self.position_rad, strict=True)
+        return np.array([np.interp(t_s, t, angle) for t, angle in every])
 
 
 def course(recording: Recording, robot: Robot) -> Course:
@@ -114,32 +119,37 @@ def _waits_s(recording: Recording, servo_id: int) -> Floats:
     return waits
 
 
-def loaded(robot: PhysicalRobot, condition: Mapping[str, Any]) -> PhysicalRobot:
-    """The robot under a recording's condition, with the weight its trunk carried.
+def loaded(robot: Robot, condition: Mapping[str, Any]) -> PhysicalRobot:
+    """The robot of a file under a recording's condition, with the weight its trunk carried.
 
     ``payload_kg`` (or ``trunk_load_kg``) is spread over the trunk as the torque experiment does.
     """
     weight = float(condition.get("trunk_load_kg", condition.get("payload_kg", 0.0)))
     rest = {k: v for k, v in condition.items() if not k.startswith("payload")}
-    robot = under(robot, rest)
-    if robot.trunk is None or weight == 0.0:
-        return robot
-    whole = robot.trunk.mass.mass_kg + weight
-    trunk = Trunk(spread(whole, robot.trunk.shapes), robot.trunk.shapes)
-    return replace(robot, trunk=trunk)
+    return read_model(robot, trunk_load_kg=weight, condition=rest)
+
+
+Span = tuple[float, float]  #: of a course [s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """A replay: sensed joint angles every tick (ticks, joints), heights of the trunk [m]."""
+    """A replay: sensed joint angles every tick (ticks, joints), heights of the trunk [m].
+
+    ``rest_m`` is the height of the trunk before it moved. ``span`` are the instants of the course
+    at which the replay says something: not before it has settled, where it began in the middle.
+    """
 
     angle_rad: Floats
     height_t_s: Floats
     height_m: Floats
+    rest_m: float
+    from_s: float
+    span: Span
 
     def at(self, joint: int, t_s: Floats) -> Floats:
-        """Sensed angle of a joint [rad] at ``t_s``."""
-        at = np.clip(t_s / TICK_S, 0.0, len(self.angle_rad) - 1.0)
+        """Sensed angle of a joint [rad] at ``t_s`` of the course."""
+        at = np.clip((t_s - self.from_s) / TICK_S, 0.0, len(self.angle_rad) - 1.0)
         index = np.minimum(at.astype(np.intp), len(self.angle_rad) - 2)
         part = at - index
         column = self.angle_rad[:, joint]
@@ -165,13 +175,14 @@ class Jitter:
 class _Stage(SteppedPlant):
     """A plant that is told drive columns and remembers every tick."""
 
-    def play(self, course: Course, base: bool) -> Track:
-        """Run a course from its beginning."""
-        ticks = int(np.ceil(course.end_s / TICK_S)) + 3
+    def play(self, course: Course, base: bool, rest_m: float, span: Span | None) -> Track:
+        """Run a course from its beginning, or a span of it."""
+        from_s, to_s = span or (0.0, course.end_s)
+        ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
         sensed = np.empty((ticks, len(self._names)))
         heights = []
         # a command acts from the first tick after it, as behind the bus
-        due = np.floor((course.events[:, 0] + LATE_S) / TICK_S + 1e-6).astype(int) + 1
+        due = np.floor((course.events[:, 0] + LATE_S - from_s) / TICK_S + 1e-6).astype(int) + 1
         rows = course.events[:, 1:].tolist()
         self.bank.commands[:] = course.start
         k = 0
@@ -185,8 +196,12 @@ class _Stage(SteppedPlant):
                 heights.append(self._engine.observe()[HEIGHT])
             for _ in range(self._steps_per_tick):
                 self._step()
-        times = np.arange(len(heights), dtype=np.float64) * (BASE_EVERY * TICK_S)
-        return Track(self._as_sensed(sensed), times, np.array(heights))
+        times = from_s + np.arange(len(heights), dtype=np.float64) * (BASE_EVERY * TICK_S)
+        settled = from_s + SETTLE_S if span else -np.inf
+        angles = self._as_sensed(sensed)
+        return Track(
+            angles, times, np.array(heights), rest_m, from_s, (settled, to_s if span else np.inf)
+        )
 
     def _as_sensed(self, joint_rad: Floats) -> Floats:
         """What the servos' sensors make of the joints' angles, in the joints' frame."""
@@ -199,29 +214,40 @@ class _Stage(SteppedPlant):
         return sensed
 
 
-def play(robot: PhysicalRobot, course: Course, jitter: Jitter | None = None) -> Track:
+def play(
+    robot: PhysicalRobot,
+    course: Course,
+    jitter: Jitter | None = None,
+    span: Span | None = None,
+) -> Track:
     """Replay a course with a robot in a PyBullet of its own.
 
-    It starts where the joints were first read, on its belly or its feet. Raises
-    :class:`sim.entries.PhysicsError` for a gear too stiff for any step.
+    It starts where the joints were first read, on its belly or its feet; with a ``span``, where
+    they were read at its beginning. Raises :class:`sim.entries.PhysicsError` for a gear too stiff
+    for any step.
     """
     count = len(robot.joints)
     angles, yaw = jitter.draw(count) if jitter else (np.zeros(count), 0.0)
     offsets = np.array([j.drive.zero_offset_rad * j.direction for j in robot.joints])
-    first = course.first_rad - offsets + angles
-    posture = {j.name: float(q) for j, q in zip(robot.joints, first, strict=True)}
+    first = _posture(robot, course.first_rad - offsets + angles)
+    posture = first if span is None else _posture(robot, course.at(span[0]) - offsets + angles)
     world = World(robot, step_s=TICK_S, held=course.condition.get("support") == "suspended")
     try:
         turned = (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw)))
         lying = course.condition.get("support") != "suspended"
-        height = _height_m(robot, posture) if lying else world.base()[0][2]
+        rest = _height_m(robot, first) if lying else world.base()[0][2]
+        height = _height_m(robot, posture) if lying else rest
         world.place((0.0, 0.0, height), turned if lying else LEVEL, posture)
         steps = _steps_per_tick(robot, world)
         world.set_step(TICK_S / steps)
         stage = _Stage(robot, world, steps_per_tick=steps, substeps=SUBSTEPS)
-        return stage.play(course, base=course.height is not None)
+        return stage.play(course, course.height is not None, rest, span)
     finally:
         world.close()
+
+
+def _posture(robot: PhysicalRobot, angle_rad: Floats) -> dict[str, float]:
+    return {j.name: float(q) for j, q in zip(robot.joints, angle_rad, strict=True)}
 
 
 def _height_m(robot: PhysicalRobot, posture: Mapping[str, float]) -> float:

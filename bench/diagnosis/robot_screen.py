@@ -20,6 +20,7 @@ from .robot_model import RobotModel, Rows
 Floats = NDArray[np.float64]
 
 ALIKE = 0.95  #: cosine beyond which two effects are one class
+STANDS_OUT = 1.4  #: times the middle leg's misfit from which a leg is looked at on its own
 SEEN = 3.0  #: deviations at which an effect of that size would be seen
 
 
@@ -59,7 +60,7 @@ class Screen:
         self._kinds = tuple(kinds)
         self._which = list(range(len(model.features)) if which is None else which)
         self.residual = self._whitened([residual[r] for r in self._which])[:, 0]
-        nuisances = self._whitened([model.traces[model.motion[r]] for r in self._which])
+        nuisances = self._whitened([model.traces[r] for r in self._which])
         self._nuisances = nuisances
         self._weight = np.minimum(1.0, CLIP / np.maximum(np.abs(self.residual), CLIP))
         normal = (nuisances * self._weight[:, None]).T @ nuisances + np.eye(nuisances.shape[1])
@@ -120,7 +121,8 @@ class Screen:
     def rank(self, names: Iterable[str]) -> list[Screened]:
         """Effects by what they gain, the most first."""
         wanted = list(names)
-        self._model.prepare(wanted, first_only=True)
+        motions = sorted({self._model.motion[r] for r in self._which})
+        self._model.prepare(wanted, first_only=True, motions=motions)
         return sorted((self.one(name) for name in wanted), key=lambda s: -s.gain_nats)
 
     def cosine(self, one: str, other: str) -> float:
@@ -135,7 +137,7 @@ class Screen:
         return sorted(((n, c) for n, c in found if abs(c) > ALIKE), key=lambda p: -abs(p[1]))
 
     def standing_out(self, most: int = 2) -> list[str]:
-        """Legs with more misfit than the rest, the worst first: where to look leg by leg."""
+        """Legs with clearly more misfit than the rest, the worst first: to be looked at alone."""
         model = self._model
         legs = [leg.name for leg in model.base.legs]
         energy = dict.fromkeys(legs, 0.0)
@@ -153,4 +155,6 @@ class Screen:
                 if kind is RobotKind.JOINTS:
                     for j, joint in enumerate(model.base.joints):
                         energy[joint.leg] += float((part[features.joint_row == j] ** 2).sum())
-        return sorted(legs, key=lambda leg: -energy[leg])[:most]
+        usual = float(np.median(list(energy.values())))
+        worst = sorted(legs, key=lambda leg: -energy[leg])[:most]
+        return [leg for leg in worst if energy[leg] > STANDS_OUT * usual]

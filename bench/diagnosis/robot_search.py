@@ -8,31 +8,30 @@ there; in the end effects are dropped again without which the rest does as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .fit import Fit, fit
-from .model import Hypothesis
-from .noise import Noise, cost
 from .robot_features import RobotKind
+from .robot_fit import RobotFit, Sight
 from .robot_model import RobotModel
 from .robot_screen import ALIKE, Screen, Screened
-from .search import HELD_OUT, NEEDED, inflation
-
-if TYPE_CHECKING:
-    from .model import JointModel
+from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-CONFIRMED = 8  #: effects of a screening that are fitted
+NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
+HELD_OUT = 1.5  #: gain [nats, deflated] it must have on groups of recordings left out
+CONFIRMED = 6  #: effects of a screening that are fitted
+PROMISING = 3.0  #: gain [nats] in the screening of those that are
 A_KIND = 2  #: of them at most so many places of one effect
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
+SETTLED = 2  #: times at most that a fit and exact replays take turns
+CLOSE_RAD = 2e-4  #: of curves to exact replays, at which they stop
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 
 
@@ -41,7 +40,7 @@ class RobotGain:
     """What an effect at a place gains over a hypothesis without it."""
 
     name: str
-    fit: Fit
+    fit: RobotFit
     nats: float
     inflation: float
     held_out: float | None  #: [nats]; ``None`` where all recordings are of one group
@@ -58,22 +57,32 @@ class RobotFindings:
 
     ``alike``: for each effect taken, those this data cannot tell from it, with the cosine of their
     traces (1 where only their gains are close). ``screened`` is the first screening, with what
-    could be seen at all. RMS [rad] of the joint rows: as believed, with nuisances, at the end.
+    could be seen at all. RMS [rad] of the joint rows, by exact replays: with nuisances, at the end.
     """
 
-    base: Fit
-    fit: Fit
+    base: RobotFit
+    fit: RobotFit
     taken: tuple[RobotGain, ...]
     tried: tuple[tuple[RobotGain, ...], ...]
     alike: Mapping[str, tuple[tuple[str, float], ...]]
     screened: tuple[Screened, ...]
-    rms_rad: tuple[float, float, float]
-    off_rad: float  #: how far the curves were from a replay of the final robot
+    rms_before_rad: float
+    rms_after_rad: float
 
     @property
     def names(self) -> tuple[str, ...]:
         """Effects taken, sorted."""
         return tuple(sorted(gain.name for gain in self.taken))
+
+
+def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:
+    """Gains of one step divided by one inflation, the mean of those that gain; best first.
+
+    What is compared is how far each follows the same recordings.
+    """
+    useful = [g.inflation for g in gains if g.nats > 0.0]
+    common = float(np.exp(np.mean(np.log(useful)))) if useful else 1.0
+    return sorted((replace(g, inflation=common) for g in gains), key=lambda g: -g.deflated)
 
 
 class RobotSearch:
@@ -88,72 +97,86 @@ class RobotSearch:
     ) -> None:
         self.model, self._say = model, say
         self.which = list(range(len(model.features)) if which is None else which)
-        self._view = _View(model, frozenset(kinds), tuple(self.which))
-        self._kinds = tuple(kinds)
+        self.sight = Sight(model, self.which, kinds)
 
-    def run(self, names: Iterable[str] | None = None, most: int = MOST) -> RobotFindings:
-        """Search among placed effects; all, and legs only where legs stand out, if None."""
+    def run(
+        self,
+        names: Iterable[str] | None = None,
+        most: int = MOST,
+        without: Collection[str] = (),
+    ) -> RobotFindings:
+        """Search among placed effects; all, and legs only where legs stand out, if None.
+
+        ``without`` are effects of the catalogue that are left out.
+        """
         model = self.model
-        model.recentre([])
-        base = self._fit(Hypothesis(), np.zeros(len(model.nuisances)))
+        self._say("fitting what the operator believes")
+        base = self.settle(self.sight.fit())
         first = self.screen(base)
         wanted = list(names) if names is not None else self._worth_looking(first)
+        wanted = [name for name in wanted if model.placed[name].effect.name not in without]
         self._say(f"replaying {len(wanted)} effects")
         ranking = first.rank(wanted)
         screened = tuple(ranking)
         now, taken, tried, alike = base, [], [], {}
-        off = 0.0
-        for step in range(most):
-            gains = self._step(now, ranking, step)
-            tried.append(tuple(gains))
-            chosen = next((g for g in gains[:2] if self._holds(g)), None)
-            if chosen is None:
-                break
-            alike[chosen.name] = self._alike(first, chosen, gains, wanted)
-            now = chosen.fit
-            for _ in range(2):
-                off = model.recentre(model.settings(now.hypothesis, now.z[self._count :]))
-                now = self._fit(now.hypothesis, now.z, now.noise)
-            taken.append(chosen)
-            if step + 1 < most:
-                ranking = self.screen(now).rank(
-                    n for n in wanted if n not in now.hypothesis.effects
-                )
+        try:
+            for step in range(most):
+                gains = self._step(now, ranking, step)
+                chosen = self._first_that_holds(now, gains)
+                tried.append(tuple(gains))
+                if chosen is None:
+                    break
+                alike[chosen.name] = self._alike(first, chosen, gains, wanted)
+                now = chosen.fit
+                taken.append(chosen)
+                if step + 1 < most:
+                    ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
+        except OutOfTimeError:
+            pass  # what was taken until then is told
         now, taken = self._prune(now, taken)
-        rms = tuple(
-            self._rms(h, z)
-            for h, z in (
-                (Hypothesis(), np.zeros(self._count)),
-                (Hypothesis(), base.z),
-                (now.hypothesis, now.z),
-            )
-        )
+        now = self.settle(now)
         return RobotFindings(
-            base, now, tuple(taken), tuple(tried), alike, screened, cast(Any, rms), off
+            base, now, tuple(taken), tuple(tried), alike, screened, self._rms(base), self._rms(now)
         )
 
-    @property
-    def _count(self) -> int:
-        return len(self.model.nuisances)
+    def settle(self, found: RobotFit) -> RobotFit:
+        """A fit whose replays are exact where it is: traces and curves only led there."""
+        for _ in range(SETTLED):
+            off = self.model.recentre(found.settings, found.nuisances, self.which)
+            found = self.sight.fit(found.names, found.z, found.noise)
+            if off < CLOSE_RAD:
+                break
+        self.model.recentre(found.settings, found.nuisances, self.which)
+        return self.sight.at(found)
 
-    def _fit(
-        self, hypothesis: Hypothesis, z: Floats, noise: Mapping[Any, Noise] | None = None
-    ) -> Fit:
-        return fit(self._view.joint, hypothesis, z, noise, which=self.which)
+    def _first_that_holds(self, now: RobotFit, gains: list[RobotGain]) -> RobotGain | None:
+        """The best gain, if exact replays bear it out; it takes its place among the gains."""
+        for k, gain in enumerate(gains[:2]):
+            if not self._holds(gain):
+                continue
+            self._say(f"replaying {gain.name} exactly")
+            exact = self.settle(gain.fit)
+            held = replace(gain, fit=exact, nats=now.cost - exact.cost)
+            if self._holds(held):
+                gains[k] = held
+                return held
+            self.model.recentre(now.settings, now.nuisances, self.which)
+        return None
 
-    def screen(self, now: Fit) -> Screen:
-        """A screening of what a fit leaves."""
-        settings = self.model.settings(now.hypothesis, now.z[self._count :])
+    def screen(self, now: RobotFit) -> Screen:
+        """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""
+        motion = self.model.motion
+        some = [r for r in self.which if motion[r] == motion[self.which[0]]]
+        zero = np.zeros(len(self.model.nuisances))
         left = [
             {
                 kind: self.model.recorded(r, kind) - rows
-                for kind, rows in self.model.modelled(settings, r).items()
+                for kind, rows in self.model.modelled(now.settings, zero, r).items()
             }
             for r in range(len(self.model.features))
         ]
-        noise = cast(dict[RobotKind, Noise], dict(now.noise))
-        there = [kind for kind in self._kinds if kind in noise]
-        return Screen(self.model, noise, left, there, self.which, tuple(now.hypothesis.effects))
+        noise = dict(now.noise)
+        return Screen(self.model, noise, left, self.sight.kinds, some, now.names)
 
     def _worth_looking(self, screen: Screen) -> list[str]:
         legs = {leg.name for leg in self.model.base.legs}
@@ -165,50 +188,44 @@ class RobotSearch:
                 names.append(name)
         return names
 
-    def _step(self, now: Fit, ranking: Sequence[Screened], step: int) -> list[RobotGain]:
+    def _step(self, now: RobotFit, ranking: Sequence[Screened], step: int) -> list[RobotGain]:
         gains: list[RobotGain] = []
         count: dict[str, int] = {}
         for one in ranking:
             kind = one.name.partition("@")[0]
-            if one.gain_nats <= 0.0 or count.get(kind, 0) >= A_KIND or len(gains) == CONFIRMED:
+            if one.gain_nats < PROMISING or count.get(kind, 0) >= A_KIND or len(gains) == CONFIRMED:
                 continue
             count[kind] = count.get(kind, 0) + 1
             self._say(f"step {step + 1}: fitting {one.name}")
             gains.append(self._confirm(now, one))
-        return sorted(gains, key=lambda g: -g.deflated)
+        return levelled(gains)
 
-    def _confirm(self, now: Fit, one: Screened) -> RobotGain:
-        placed = self.model.placed[one.name]
-        hypothesis = Hypothesis((*now.hypothesis.knobs, placed.knob))
+    def _confirm(self, now: RobotFit, one: Screened) -> RobotGain:
+        placed, sight = self.model.placed[one.name], self.sight
+        names = (*now.names, one.name)
         low, high = placed.knob.bounds
         sign = -1.0 if one.z < 0.0 else 1.0
         starts = {float(np.clip(sign * placed.first_z * x, low, high)) for x in TRIED}
-        vectors = [np.append(now.z, z) for z in sorted(starts)]
-        found = self._view.joint.residuals(hypothesis, vectors, self.which)
-        best = int(
-            np.argmin(
-                [sum(cost(b, now.noise[k[1]]) for k, b in blocks.items()) for blocks in found]
-            )
-        )
-        fitted = self._fit(hypothesis, vectors[best], now.noise)
-        wide = inflation(self._view.joint, fitted, [len(fitted.z) - 1])
+        vectors = [np.append(now.z, z) for z in sorted({*starts, one.z} - {0.0})]
+        costs = [sight.cost(sight.blocks(names, z), now.noise) for z in vectors]
+        fitted = sight.fit(names, vectors[int(np.argmin(costs))], now.noise)
+        wide = sight.inflation(fitted, one.name)
         return RobotGain(one.name, fitted, now.cost - fitted.cost, wide, self._outside(now, fitted))
 
-    def _outside(self, without: Fit, with_it: Fit) -> float | None:
+    def _outside(self, without: RobotFit, with_it: RobotFit) -> float | None:
         """Gain [nats] on groups left out in turn, both fitted anew without them."""
         groups: dict[str, list[int]] = {}
         for r in self.which:
             groups.setdefault(self.model.observed[r].group, []).append(r)
         if len(groups) < 2:
             return None
-        total = 0.0
+        total, sight = 0.0, self.sight
         for part in groups.values():
             rest = [r for r in self.which if r not in part]
             costs = []
             for found in (without, with_it):
-                again = fit(self._view.joint, found.hypothesis, found.z, found.noise, rest, 1, 4)
-                (blocks,) = self._view.joint.residuals(found.hypothesis, [again.z], part)
-                costs.append(sum(cost(b, again.noise[k[1]]) for k, b in blocks.items()))
+                again = sight.fit(found.names, found.z, found.noise, rest, rounds=1)
+                costs.append(sight.cost(sight.blocks(found.names, again.z, part), again.noise))
             total += costs[0] - costs[1]
         return total
 
@@ -226,15 +243,12 @@ class RobotSearch:
                 found.setdefault(gain.name, 1.0)
         return tuple(sorted(found.items(), key=lambda pair: -abs(pair[1])))
 
-    def _prune(self, now: Fit, taken: list[RobotGain]) -> tuple[Fit, list[RobotGain]]:
+    def _prune(self, now: RobotFit, taken: list[RobotGain]) -> tuple[RobotFit, list[RobotGain]]:
         while len(taken) > 1:
             losses = []
             for gain in taken:
-                keep = [k.effect != gain.name for k in now.hypothesis.knobs]
-                start = np.concatenate([now.z[: self._count], now.z[self._count :][keep]])
-                without = self._fit(now.hypothesis.without(gain.name), start, now.noise)
-                k = self._count + keep.index(False)
-                wide = inflation(self._view.joint, now, [k])
+                without = self.sight.without(now, gain.name)
+                wide = self.sight.inflation(now, gain.name)
                 losses.append(((without.cost - now.cost) / wide, gain, without))
             loss, gain, without = min(losses, key=lambda entry: entry[0])
             if loss >= NEEDED:
@@ -242,42 +256,11 @@ class RobotSearch:
             now, taken = without, [g for g in taken if g is not gain]
         return now, taken
 
-    def _rms(self, hypothesis: Hypothesis, z: Floats) -> float:
-        (blocks,) = self.model.residuals(hypothesis, [z], self.which)
+    def _rms(self, found: RobotFit) -> float:
+        self.model.recentre(found.settings, found.nuisances, self.which)
+        blocks = self.model.residuals(found.names, found.z, self.which)
         rows = [b.value for k, b in blocks.items() if k[1] is RobotKind.JOINTS]
         return float(np.sqrt(np.mean(np.concatenate(rows) ** 2)))
-
-
-class _View:
-    """A robot's model as the fits of one joint see it: some recordings, some kinds."""
-
-    def __init__(
-        self, model: RobotModel, kinds: frozenset[RobotKind], which: tuple[int, ...]
-    ) -> None:
-        self._model, self._kinds, self._which = model, kinds, which
-        self.nuisances, self.observed = model.nuisances, model.observed
-        self.turns_controller = model.turns_controller
-
-    @property
-    def joint(self) -> JointModel:
-        """Itself: the fits need no more of a model than is here."""
-        return cast("JointModel", self)
-
-    def floors(self) -> Mapping[RobotKind, float]:
-        """See :class:`RobotModel`."""
-        return {k: v for k, v in self._model.floors().items() if k in self._kinds}
-
-    def residuals(
-        self,
-        hypothesis: Hypothesis,
-        vectors: Sequence[Floats],
-        which: Sequence[int] | None = None,
-        kinds: Sequence[object] = (),
-    ) -> list[dict[tuple[int, RobotKind], Any]]:
-        """See :class:`RobotModel`."""
-        chosen = self._which if which is None else which
-        found = self._model.residuals(hypothesis, vectors, chosen)
-        return [{k: b for k, b in blocks.items() if k[1] in self._kinds} for blocks in found]
 
 
 def indistinguishable(screen: Screen, names: Sequence[str]) -> list[tuple[str, str, float]]:

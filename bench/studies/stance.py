@@ -3,7 +3,8 @@
 The thesis's Marvin had systematic errors of femur and tibia while its feet stood, "most likely"
 from compliance or from rubber tips, and left it open. Here eight robots on another engine have
 either, both or none of them, under two loads, beside all that is never as believed. The diagnosis
-sees recordings of the joints only; then again with the height of the trunk beside them.
+sees two recordings of the joints only; then also a third under the other load; then the two with
+the height of the trunk beside them.
 """
 
 from __future__ import annotations
@@ -18,17 +19,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.diagnosis.journal import FOLDER, Journal
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_model import RobotModel
 from bench.diagnosis.robot_replay import course
-from bench.diagnosis.robot_search import RobotFindings, RobotSearch
+from bench.diagnosis.robot_search import CLOSE, RobotFindings, RobotSearch
 from bench.figures.style import save
 from bench.recording import Recording, read, write
 from busemu.tables import load_robot
 from sim.model import read_model
 
 from .stance_figures import joints_figure, summary_figure
-from .stance_runs import SCENE, SEEDS, Cause, Run, draw_runs, key_of, record
+from .stance_runs import SCENE, Cause, Run, draw_runs, key_of, record
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -53,9 +55,11 @@ TIPS = ("foot_compliance@all",)
 JOINTS = ("joint_compliance@all", "joint_compliance@femur", "joint_compliance@tibia")
 CONTACT_CLASS = ("foot_compliance", "ground_compliance")
 JOINT_CLASS = ("joint_compliance", "backlash")
+#: what a diagnosis sees: how many of a run's recordings, and of what
 CHANNELS = {
-    "joints": (RobotKind.JOINTS,),
-    "joints and height": (RobotKind.JOINTS, RobotKind.HEIGHT),
+    "joints": (2, (RobotKind.JOINTS,)),
+    "joints under two loads": (3, (RobotKind.JOINTS,)),
+    "joints and height": (2, (RobotKind.JOINTS, RobotKind.HEIGHT)),
 }
 
 
@@ -75,22 +79,42 @@ class Answer:
             tips=not kinds.isdisjoint(CONTACT_CLASS), joints=not kinds.isdisjoint(JOINT_CLASS)
         )
 
+    @property
+    def undecided(self) -> bool:
+        """Whether a cause of the other class would do nearly as well in a named one's place."""
+        found = self.findings
+        for gain in found.taken:
+            own = gain.name.partition("@")[0]
+            (step,) = (s for s in found.tried if any(g is gain for g in s))
+            close = {g.name.partition("@")[0] for g in step if gain.deflated - g.deflated < CLOSE}
+            for one, other in ((CONTACT_CLASS, JOINT_CLASS), (JOINT_CLASS, CONTACT_CLASS)):
+                if own in one and not close.isdisjoint(other):
+                    return True
+        return False
+
+    @property
+    def word(self) -> str:
+        """Right, wrong, or undecided."""
+        if self.undecided:
+            return "undecided"
+        return "right" if self.cause is self.run.cause else "wrong"
+
     def document(self, model: RobotModel) -> dict[str, Any]:
         """As JSON can hold it."""
         found = self.findings
-        settings = model.settings(found.fit.hypothesis, found.fit.z[len(model.nuisances) :])
         return {
             "run": self.run.name,
             "channels": self.channels,
             "answer": self.cause.value,
             "truth": self.run.cause.value,
+            "judged": self.word,
             "effects": [
                 {
                     "name": name,
                     "value": model.placed[name].knob.value(z),
                     "unit": model.placed[name].parameter.unit,
                 }
-                for name, z in settings
+                for name, z in found.fit.settings
             ],
             "gains": [
                 {"name": g.name, "nats": g.nats, "inflation": g.inflation, "held_out": g.held_out}
@@ -98,7 +122,7 @@ class Answer:
                 for g in step
             ],
             "alike": {name: dict(pairs) for name, pairs in found.alike.items()},
-            "rms_mrad": [1e3 * x for x in found.rms_rad],
+            "rms_mrad": [1e3 * found.rms_before_rad, 1e3 * found.rms_after_rad],
         }
 
 
@@ -107,12 +131,12 @@ def recordings_of(runs: Sequence[Run], folder: Path, say: Progress) -> list[Reco
     folder.mkdir(parents=True, exist_ok=True)
     found = []
     for run in runs:
-        paths = [folder / f"{run.name}-{seed}.parquet" for seed in SEEDS]
-        if not all(path.exists() for path in paths):
-            say(f"walking: {run.name}")
-            for path, recording in zip(paths, record(run), strict=True):
-                write(recording, path)
-        found += [read(path) for path in paths]
+        for name, plan in run.walks:
+            path = folder / f"{name}.parquet"
+            if not path.exists():
+                say(f"walking: {name}")
+                write(record(run, plan, name), path)
+            found.append(read(path))
     return found
 
 
@@ -125,11 +149,13 @@ def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
     robot = load_robot(ROBOT)
     recordings = recordings_of(runs, out / "recordings", say)
     courses = [course(recording, robot) for recording in recordings]
-    with RobotModel(read_model(robot), robot, courses, say) as model:
+    each = len(runs[0].walks)
+    journal = Journal(out / FOLDER)
+    with RobotModel(read_model(robot), robot, courses, say, journal=journal) as model:
         answers = []
         for number, run in enumerate(runs):
-            which = [len(SEEDS) * number + k for k in range(len(SEEDS))]
-            for channels, kinds in CHANNELS.items():
+            for channels, (count, kinds) in CHANNELS.items():
+                which = [each * number + k for k in range(count)]
                 say(f"diagnosing {run.name} from {channels}")
                 search = RobotSearch(model, which, kinds)
                 answers.append(Answer(run, channels, search.run((*TIPS, *JOINTS, *RIVALS))))
@@ -147,14 +173,16 @@ def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
         save(summary_figure(model, answers), out / "summary.png")
     _write(out / "key.json", key)
     _write(out / "study.json", json.dumps(result, indent=1) + "\n")
+    journal.finished()
     return result
 
 
 def _score(answers: Sequence[Answer]) -> dict[str, Any]:
-    right = [a.cause is a.run.cause for a in answers]
     return {
-        "right": sum(right),
-        "of": len(right),
+        "right": sum(a.word == "right" for a in answers),
+        "undecided": sum(a.undecided for a in answers),
+        "wrong": sum(a.word == "wrong" for a in answers),
+        "of": len(answers),
         "tips_right": sum(a.cause.tips == a.run.cause.tips for a in answers),
         "joints_right": sum(a.cause.joints == a.run.cause.joints for a in answers),
     }
@@ -162,15 +190,9 @@ def _score(answers: Sequence[Answer]) -> dict[str, Any]:
 
 def _draw(model: RobotModel, answer: Answer, r: int, out: Path) -> None:
     found = answer.findings
-    count = len(model.nuisances)
-    after = model.settings(found.fit.hypothesis, found.fit.z[count:])
-    for name, settings, z in (
-        ("before", (), None),
-        ("after", after, found.fit.z[:count]),
-    ):
-        rows = model.modelled(settings, r)[RobotKind.JOINTS]
-        if z is not None:
-            rows = rows + model.traces[model.motion[r]][RobotKind.JOINTS] @ z
+    for name, fit in (("before", found.base), ("after", found.fit)):
+        model.recentre(fit.settings, fit.nuisances, [r])
+        rows = model.modelled(fit.settings, fit.nuisances, r)[RobotKind.JOINTS]
         figure = joints_figure(model, r, rows, f"{answer.run.name}, model {name}")
         save(figure, out / f"{answer.run.name}-{name}.png")
 

@@ -79,14 +79,14 @@ def summary_figure(model: RobotModel, answers: Sequence[Answer]) -> Figure:
     axes = figure.subplots()
     labels = []
     for row, answer in enumerate(answers):
-        before, nuisances, after = (1e3 * x for x in answer.findings.rms_rad)
+        before = 1e3 * answer.findings.rms_before_rad
+        after = 1e3 * answer.findings.rms_after_rad
         axes.plot([before, after], [row, row], color=GOAL, linewidth=1.0)
-        for x, colour in ((before, MEASURED), (nuisances, GOAL), (after, MODELLED)):
+        for x, colour in ((before, GOAL), (after, MODELLED)):
             axes.plot(x, row, "o", color=colour)
-        mark = "right" if answer.cause is answer.run.cause else "WRONG"
         labels.append(
             f"{answer.run.name}, {answer.channels}: {answer.cause.value} "
-            f"(true: {answer.run.cause.value}) {mark}"
+            f"(true: {answer.run.cause.value}) {answer.word}"
         )
     axes.axvline(1e3 * model.quantum_rad / np.sqrt(12.0), color=GOAL, linestyle=":")
     axes.set_yticks(range(len(labels)), labels)
@@ -96,7 +96,6 @@ def summary_figure(model: RobotModel, answers: Sequence[Answer]) -> Figure:
     handles = [
         Line2D([], [], color=colour, marker="o", linestyle="", label=words)
         for colour, words in (
-            (MEASURED, "as believed"),
             (GOAL, "with nuisances"),
             (MODELLED, "with what was found"),
         )

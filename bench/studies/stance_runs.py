@@ -6,7 +6,6 @@ import enum
 import hashlib
 import json
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +15,7 @@ import pyarrow.compute as pc
 
 from bench.blind import Asked
 from bench.blind.legged_case import draw_legged
-from bench.blind.legged_effects import LEGGED, Where
+from bench.blind.legged_effects import LEGGED, Where, Whole
 from bench.blind.scenes import SCENES, Played, play
 from bench.motions import WalkPlan
 from bench.recording import Recording
@@ -26,7 +25,8 @@ from busemu.tables import Robot
 SCENE = "marvin-walk"
 LOADS_KG = (0.0, 0.092)  #: source: the thesis's torque experiment, without and with two more cells
 SECONDS = 5.0
-SEEDS = (0, 3)  #: of the pattern generator's first state, one a recording
+SEEDS = (0, 3)  #: of the pattern generator's first state, one a recording under the run's load
+OTHER_LOAD = "other-load"  #: the recording of the same robot under the other load
 #: sizes drawn between these, on a logarithmic scale; the tips' are within what rubber is assumed
 #: to have, the joints' extra compliance three to six times that of the file's gear
 TIPS_N_M = (500.0, 1500.0)
@@ -79,6 +79,17 @@ class Run:
         """Of the run; says nothing of the cause."""
         return f"run-{self.number}"
 
+    @property
+    def walks(self) -> tuple[tuple[str, WalkPlan], ...]:
+        """Names of the recordings, and what was walked: twice as drawn, then with other weight."""
+        own = [
+            (f"{self.name}-{seed}", WalkPlan(SECONDS, payload_kg=self.payload_kg, seed=seed))
+            for seed in SEEDS
+        ]
+        (other,) = (load for load in LOADS_KG if load != self.payload_kg)
+        more = WalkPlan(SECONDS, payload_kg=other, seed=SEEDS[0])
+        return (*own, (f"{self.name}-{OTHER_LOAD}", more))
+
     def told(self) -> dict[str, Any]:
         """For the key."""
         return {
@@ -118,21 +129,24 @@ def key_of(runs: tuple[Run, ...], seed: int) -> tuple[str, str]:
     return text, hashlib.sha256(text.encode()).hexdigest()
 
 
-def record(run: Run) -> Iterator[Recording]:
-    """Walk; every robot differs in what is never exactly as believed, too."""
-    scene = SCENES[SCENE]
+def specimen(run: Run, plan: WalkPlan) -> Whole:
+    """The robot of a run: every one differs in what is never exactly as believed, too."""
     case = draw_legged(run.seed, Asked(kind="null", rig=SCENE, disguise=False))
-    legs = tuple(str(leg["name"]) for leg in scene.robot.document["leg"])
-    for seed in SEEDS:
-        plan = WalkPlan(seconds=SECONDS, payload_kg=run.payload_kg, seed=seed)
-        whole, _ = case.truth(plan)
-        where = Where(1, legs)
-        if run.cause.tips:
-            whole, _ = LEGGED["foot_compliance"].apply(whole, 1.0 / run.tips_n_m, where)
-        if run.cause.joints:
-            whole, _ = LEGGED["joint_compliance"].apply(whole, run.joints_rad_nm, where)
-        played = play(scene, plan, whole.body, whole.electrics)
-        yield recording_of(scene.robot, played, f"{run.name}-{seed}", run.payload_kg)
+    whole, _ = case.truth(plan)
+    where = Where(1, tuple(str(leg["name"]) for leg in SCENES[SCENE].robot.document["leg"]))
+    if run.cause.tips:
+        whole, _ = LEGGED["foot_compliance"].apply(whole, 1.0 / run.tips_n_m, where)
+    if run.cause.joints:
+        whole, _ = LEGGED["joint_compliance"].apply(whole, run.joints_rad_nm, where)
+    return whole
+
+
+def record(run: Run, plan: WalkPlan, name: str) -> Recording:
+    """Walk."""
+    scene = SCENES[SCENE]
+    whole = specimen(run, plan)
+    played = play(scene, plan, whole.body, whole.electrics)
+    return recording_of(scene.robot, played, name, plan.payload_kg)
 
 
 def recording_of(robot: Robot, played: Played, name: str, payload_kg: float) -> Recording:

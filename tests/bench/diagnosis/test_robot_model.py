@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked_with
 
-from bench.diagnosis.fit import fit
-from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_fit import Sight
 from bench.diagnosis.robot_model import RobotModel
 from bench.diagnosis.robot_screen import Screen
-from bench.diagnosis.search import NEEDED
+from bench.diagnosis.robot_search import NEEDED
 
 #: recordings of one model: nulls, and one effect each
 NULL, TIPS, SOFT = 0, 1, 2
@@ -35,7 +34,7 @@ def model():
 
 
 def base_fit(model, r):
-    return fit(model, Hypothesis(), np.zeros(len(model.nuisances)), which=[r])
+    return Sight(model, [r], RobotKind).fit()
 
 
 def screened(model, r):
@@ -69,12 +68,11 @@ def test_an_effect_gains_the_most_under_its_own_name(model, r, name):
 )
 def test_a_fit_finds_the_size_of_an_effect(model, r, name):
     base = base_fit(model, r)
-    hypothesis = Hypothesis((model.placed[name].knob,))
-    found = fit(model, hypothesis, np.append(base.z, 1.0), base.noise, which=[r])
+    found = Sight(model, [r], RobotKind).fit((name,), np.append(base.z, 1.0), base.noise)
     assert found.z[-1] == pytest.approx(TRUE_Z[name], rel=0.25)
-    off = model.recentre([(name, float(found.z[-1]))])
+    off = model.recentre(found.settings, found.nuisances)
     assert off < model.quantum_rad / 10.0
-    model.recentre([])
+    model.recentre((), np.zeros(len(model.nuisances)))
 
 
 def test_effects_that_look_alike_are_told_and_others_are_not(model):
@@ -85,7 +83,7 @@ def test_effects_that_look_alike_are_told_and_others_are_not(model):
 
 
 def test_without_knobs_the_residual_is_recorded_less_replayed(model):
-    (blocks,) = model.residuals(Hypothesis(), [np.zeros(len(model.nuisances))], [NULL])
+    blocks = model.residuals((), np.zeros(len(model.nuisances)), [NULL])
     block = blocks[NULL, RobotKind.JOINTS]
     plain = model.recorded(NULL, RobotKind.JOINTS) - model.centre[NULL][RobotKind.JOINTS]
     assert (block.value == plain).all()

@@ -64,9 +64,9 @@ def test_a_recording_without_some_joint_is_refused():
 
 
 def test_a_weight_in_the_condition_is_on_the_trunk():
-    heavier = loaded(believed(), {"payload_kg": 0.092})
+    heavier = loaded(marvin(), {"payload_kg": 0.092})
     assert heavier.mass_kg == pytest.approx(believed().mass_kg + 0.092)
-    assert loaded(believed(), {}) == believed()
+    assert loaded(marvin(), {}) == believed()
 
 
 def test_every_placed_effect_is_off_at_zero_and_something_at_its_first_try():

@@ -1,0 +1,111 @@
+"""What a search over a whole robot found, as named causes with intervals, chances and rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .result import Cause, Estimate, Rival
+from .rivals import CLOSE, TEMPER
+from .robot_effects import Placed
+from .robot_fit import RobotFit
+from .robot_model import RobotModel
+from .robot_search import RobotFindings, RobotGain, RobotSearch
+
+EDGE = 1e-3  #: how close to a bound a knob counts as at it
+WIDE = 3.0  #: times its size that a deviation is, from which a number is called flat
+
+
+def scope_of(placed: Placed, model: RobotModel) -> tuple[str, ...]:
+    """Joints, legs or bodies that an effect is at; none named is all of its kind."""
+    return placed.where or tuple(sorted(placed.effect.places(model.base)))
+
+
+def cause_of(
+    search: RobotSearch,
+    found: RobotFindings,
+    gain: RobotGain,
+    after: RobotFit,
+    explained: float,
+    held_out: float,
+) -> Cause:
+    """A cause from what was taken; rivals are those that were fitted in its place."""
+    model = search.model
+    placed = model.placed[gain.name]
+    probability, close = _rivals(model, found, gain)
+    return Cause(
+        effect=placed.effect.name,
+        scope=scope_of(placed, model),
+        parameters={placed.parameter.name: estimate(search, after, gain.name)},
+        held_out_gain_nats=held_out,
+        explained_share=explained,
+        probability=probability,
+        indistinguishable_from=tuple(close),
+    )
+
+
+def _rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> tuple[float, list[Rival]]:
+    """Probability of an effect among all that could be in its place, and those close behind it."""
+    kind = model.placed[gain.name].effect.name
+    behind: dict[str, tuple[float, str]] = {}
+
+    def seen(name: str, nats: float) -> None:
+        other = model.placed[name].effect.name
+        if other != kind and (other not in behind or nats < behind[other][0]):
+            behind[other] = nats, name
+
+    fitted = _step(found, gain)
+    for each in fitted:
+        seen(each.name, gain.deflated - each.deflated)
+    known = {each.name for each in fitted}
+    for name, cosine in found.alike.get(gain.name, ()):
+        if name not in known:  # what is left of a trace beside another is not taken by it
+            seen(name, gain.deflated * (1.0 - cosine**2))
+    weights = {other: float(np.exp(-TEMPER * max(0.0, b))) for other, (b, _) in behind.items()}
+    total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, gain.deflated)))
+    close = [
+        Rival(other, scope_of(model.placed[name], model), weights[other] / total, nats)
+        for other, (nats, name) in behind.items()
+        if nats < CLOSE
+    ]
+    return 1.0 / total, sorted(close, key=lambda rival: rival.behind_nats)
+
+
+def close_rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> list[RobotGain]:
+    """Effects of other kinds that were fitted in its place and are close behind."""
+    kind = model.placed[gain.name].effect.name
+    return [
+        each
+        for each in _step(found, gain)
+        if model.placed[each.name].effect.name != kind and gain.deflated - each.deflated < CLOSE
+    ]
+
+
+def _step(found: RobotFindings, gain: RobotGain) -> Sequence[RobotGain]:
+    """All that was fitted in the step in which an effect was taken."""
+    return next((step for step in found.tried if any(g is gain for g in step)), ())
+
+
+def estimate(search: RobotSearch, fit: RobotFit, name: str) -> Estimate:
+    """A number with its interval from the sandwich variance, and whether the data pins it."""
+    model = search.model
+    believed, sandwich = search.sight.covariances(fit)
+    k = len(fit.nuisances) + fit.names.index(name)
+    knob = model.placed[name].knob
+    low, high = knob.bounds
+    z, deviation = float(fit.z[k]), float(np.sqrt(max(sandwich[k, k], believed[k, k])))
+    ends = [knob.value(min(high, max(low, z + side * 1.96 * deviation))) for side in (-1, 1)]
+    spread = np.sqrt(np.maximum(np.diag(believed), 1e-300))
+    alike = np.abs(believed[k] / spread / spread[k])
+    alike[k] = 0.0
+    names = [*(n.name for n in model.nuisances), *fit.names]
+    if deviation > WIDE * max(1.0, abs(z)):
+        state = "flat"
+    elif z <= low + EDGE or z >= high - EDGE:
+        state = "at bound"
+    elif float(alike.max()) > 0.9:
+        state = f"trade-off with {names[int(np.argmax(alike))]}"
+    else:
+        state = "pinned"
+    return Estimate(knob.value(z), (min(ends), max(ends)), knob.parameter.unit, state)

@@ -1,0 +1,317 @@
+"""The diagnosis of a whole robot: from recordings of all its joints to a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.recording import Recording
+from busemu.tables import Robot
+from sim.model import Addition, read_model
+
+from .journal import Journal
+from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment
+from .robot_causes import cause_of, close_rivals
+from .robot_features import RobotKind
+from .robot_fit import RobotFit
+from .robot_improved import of_causes, of_nuisances
+from .robot_judging import Judgement, floor_rad, judge, rmse_rad
+from .robot_model import RobotModel
+from .robot_next import next_experiments
+from .robot_places import mismatch
+from .robot_replay import course
+from .robot_rest import Rest, rest_of
+from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
+
+Floats = NDArray[np.float64]
+
+RELIEF = 0.04  #: of the squared floor that a name must take off the mean square where it is judged
+FAR = 3.0  #: deviations of its prior at which a tolerance is worth a word
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotDiagnosis:
+    """A diagnosis with what pictures and the better model are made from.
+
+    ``believed`` and ``better`` are the recordings that judge, under the model as the operator has
+    it with ordinary tolerances fitted, and with what was found; ``additions`` is what the better
+    model adds to the robot's file.
+    """
+
+    diagnosis: Diagnosis
+    additions: tuple[Addition, ...]
+    believed: tuple[Judgement, ...]
+    better: tuple[Judgement, ...]
+
+
+def diagnose_robot(
+    robot: Robot,
+    fitted: Sequence[Recording],
+    judging: Sequence[Recording],
+    *,
+    without: Iterable[str] = (),
+    on: str = "",
+    say: Progress = lambda _: None,
+    journal: Journal | None = None,
+) -> RobotDiagnosis:
+    """Diagnose a legged robot on recordings that read the positions of all its joints.
+
+    ``without`` names effects of the catalogue that may not be named; ``on`` is the day, for the
+    better model. Replays are kept in the ``journal``. Raises
+    :class:`bench.recording.RecordingError`.
+    """
+    courses = [course(recording, robot) for recording in (*fitted, *judging)]
+    which = list(range(len(fitted)))
+    judges = list(range(len(fitted), len(courses)))
+    base = read_model(robot)
+    with RobotModel(base, robot, courses, say, judging=judges, journal=journal) as model:
+        work = _Work(model, robot, which, judges, on, say)
+        return work.diagnosed(frozenset(without))
+
+
+class _Work:
+    """A diagnosis that is being made: some recordings fit, the others (or the same) judge."""
+
+    def __init__(
+        self,
+        model: RobotModel,
+        robot: Robot,
+        which: list[int],
+        judges: list[int],
+        on: str,
+        say: Progress,
+    ) -> None:
+        self.model, self.robot, self.say = model, robot, say
+        self.which, self.judges, self.held_out = which, judges or which, bool(judges)
+        groups = sorted({model.observed[r].group for r in which})
+        self.told = f"fitted to recordings {', '.join(groups)}" + (f"; {on}" if on else "")
+        self.search = RobotSearch(model, which, say=say)
+
+    def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
+        """Search, judge, and say what was found."""
+        model, say = self.model, self.say
+        found = self.search.run(without=without)
+        taken, after, rejected = self._kept(found)
+        self.square(after, sorted({*self.which, *self.judges}))
+        rest = rest_of(model, after, self.which, self.judges)
+        say("replaying the recordings that judge")
+        causes, nexts, extra = self._causes(found, taken, after)
+        believed = judge(model, self.robot, found.base.nuisances, (), self.judges)
+        better = believed
+        if taken:
+            better = judge(model, self.robot, after.nuisances, extra, self.judges)
+        verdict = {
+            (False, False): "consistent",
+            (False, True): "unexplained",
+            (True, False): "explained",
+            (True, True): "partly_explained",
+        }[bool(causes), rest.structured]
+        ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
+        diagnosis = Diagnosis(
+            verdict=verdict,
+            mismatch=self._mismatch(found) if verdict != "consistent" else (),
+            causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
+            fit=FitSummary(
+                before=rmse_rad(believed),
+                after=rmse_rad(better),
+                noise_floor=floor_rad(model, self.judges),
+                held_out=self.held_out,
+                recordings=tuple(model.observed[r].name for r in self.judges),
+            ),
+            unexplained=(_unexplained(rest),) if rest.structured else (),
+            next_experiment=tuple(nexts),
+            limits=self._limits(after),
+            channels=self._channels(found, after),
+            rejected=tuple(rejected),
+            ranking=_ranking(found),
+            details=self._details(found, after, rest),
+        )
+        return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
+
+    def square(self, found: RobotFit, which: Sequence[int]) -> float:
+        """Mean square of phase means that a fit leaves by exact replays [rad^2]."""
+        self.model.recentre(found.settings, found.nuisances, which)
+        blocks = self.model.residuals(found.names, found.z, which)
+        rows = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.JOINTS]
+        return float(np.mean(np.concatenate(rows) ** 2))
+
+    def _mismatch(self, found: RobotFindings) -> tuple[dict[str, Any], ...]:
+        self.square(found.base, self.which)
+        return mismatch(self.model, found.base, self.which)
+
+    @property
+    def _floor_square(self) -> float:
+        extra = [
+            float(np.mean(self.model.spread[self.model.motion[r]][RobotKind.JOINTS]))
+            for r in self.judges
+        ]
+        return float(self.model.floors()[RobotKind.JOINTS] ** 2 + np.mean(extra))
+
+    def _kept(
+        self, found: RobotFindings
+    ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
+        """Names that recordings which judge do not deny; the fit with them; those taken back."""
+        taken, now = list(found.taken), found.fit
+        rejected: list[Mapping[str, Any]] = []
+        while taken and self.held_out:
+            self.say("asking recordings that were not used to fit")
+            least = RELIEF * self._floor_square
+            with_all = self.square(now, self.judges)
+            fits = {gain.name: self.search.sight.without(now, gain.name) for gain in taken}
+            falls = {name: self.square(f, self.judges) - with_all for name, f in fits.items()}
+            worst = min(taken, key=lambda gain: falls[gain.name])
+            if falls[worst.name] > least:
+                break
+            rejected.append(
+                {
+                    "effect": self.model.placed[worst.name].effect.name,
+                    "scope": list(self.model.placed[worst.name].where),
+                    "gain_nats": float(worst.deflated),
+                    "because": "recordings that were not used to fit are no better with it",
+                }
+            )
+            now = fits[worst.name]
+            taken = [gain for gain in taken if gain is not worst]
+        return taken, now, rejected
+
+    def _causes(
+        self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit
+    ) -> tuple[list[Cause], list[NextExperiment], list[Addition]]:
+        """Named causes, what would tell them from their rivals, and what they add to the file."""
+        causes, nexts = [], []
+        placed: list[tuple[Any, Mapping[str, Estimate]]] = []
+        before, floor = self.square(found.base, self.judges), self._floor_square
+        left = self.square(after, self.judges)
+        for gain in taken:
+            bare = self.square(self.search.sight.without(after, gain.name), self.judges)
+            explained = (bare - left) / max(before - floor, 1e-30)
+            held_out = gain.deflated if gain.held_out is None else gain.held_out / gain.inflation
+            cause = cause_of(
+                self.search, found, gain, after, float(np.clip(explained, -1.0, 1.0)), held_out
+            )
+            causes.append(cause)
+            placed.append((self.model.placed[gain.name], cause.parameters))
+            if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):
+                self.say(f"what would tell {gain.name} from its rivals")
+                nexts += next_experiments(
+                    self.model,
+                    self.robot,
+                    after,
+                    {rival.name: rival.fit for rival in rivals},
+                    gain.inflation,
+                )
+        return causes, nexts, of_causes(placed, self.told)
+
+    def _limits(self, after: RobotFit) -> tuple[str, ...]:
+        model = self.model
+        said = [
+            "joints are compared by their means over the phase of the gait (over quarters of a "
+            "second where there is no gait): what differs from cycle to cycle is not judged",
+            "load, voltage and temperature registers are not used for a whole robot: a weak motor, "
+            "a low supply and a low gain are hard to tell apart",
+        ]
+        if RobotKind.HEIGHT not in model.floors():
+            said.append(
+                "nobody watched the trunk: what gives way under the feet is seen by what joints "
+                "do about it only; mocap/base_z_m shows it directly"
+            )
+        weights = {
+            float(f.course.condition.get("payload_kg", f.course.condition.get("trunk_load_kg", 0)))
+            for f in (model.features[r] for r in self.which)
+        }
+        if len(weights) < 2:
+            said.append(
+                "one load in all recordings that were fitted: what gives way under load and what "
+                "is merely elsewhere are hard to tell apart; walk with a weight on the trunk"
+            )
+        if not self.held_out:
+            said.append("no recording was held out: what is named was judged on what was fitted")
+        far = [
+            n.name
+            for n, x in zip(model.nuisances, after.nuisances.tolist(), strict=False)
+            if abs(x) > FAR
+        ]
+        if far:
+            said.append(
+                f"taken far outside of what was believed without being named: {', '.join(far)}"
+            )
+        return tuple(said)
+
+    def _channels(self, found: RobotFindings, after: RobotFit) -> tuple[Mapping[str, Any], ...]:
+        rows = []
+        for kind, floor in self.model.floors().items():
+            values = []
+            for one in (found.base, after):
+                self.square(one, self.which)
+                blocks = self.model.residuals(one.names, one.z, self.which)
+                own = [b.value for (_, k), b in blocks.items() if k is kind]
+                values.append(float(np.sqrt(np.mean(np.concatenate(own) ** 2))))
+            noise = after.noise.get(kind)
+            joints = kind is RobotKind.JOINTS
+            rows.append(
+                {
+                    "channel": "position" if joints else kind.value,
+                    "judges": "all joints, over the phase of the gait"
+                    if joints
+                    else "the trunk's height [m], over the phase of the gait",
+                    "rms_before": values[0],
+                    "rms_after": values[1],
+                    "rounding": floor,
+                    "noise": noise.total if noise else None,
+                }
+            )
+        return tuple(rows)
+
+    def _details(self, found: RobotFindings, after: RobotFit, rest: Rest) -> dict[str, Any]:
+        return {
+            "replays": self.model.replays.count,
+            "phase_rms_rad": {
+                "with_tolerances": found.rms_before_rad,
+                "after": found.rms_after_rad,
+                "after_held_out": rest.rms_rad,
+            },
+            "nuisances": {
+                n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
+                for n, x in zip(self.model.nuisances, after.nuisances.tolist(), strict=True)
+            },
+            "remainder": {
+                "predicted_rad": rest.predicted_rad,
+                "share": rest.share,
+                "agreeing": rest.agreeing,
+            },
+            "seen_from": {
+                s.name: self.model.placed[s.name].knob.value(s.floor_z)
+                for s in found.screened
+                if np.isfinite(s.floor_z)
+            },
+        }
+
+
+def _unexplained(rest: Rest) -> Mapping[str, Any]:
+    return {
+        "channel": "present_position",
+        "joints": list(rest.joints),
+        "predictable_rad": rest.predicted_rad,
+        "share": rest.share,
+        "where": list(rest.where),
+        "terms": dict(rest.terms),
+    }
+
+
+def _ranking(found: RobotFindings) -> tuple[Mapping[str, Any], ...]:
+    return tuple(
+        {
+            "effect": gain.name,
+            "with": [n for n in gain.fit.names if n != gain.name],
+            "gain_nats": float(gain.nats),
+            "inflation": float(gain.inflation),
+            "deflated_nats": float(gain.deflated),
+            "held_out_nats": gain.held_out,
+        }
+        for step in found.tried
+        for gain in step
+    )

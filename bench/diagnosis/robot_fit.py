@@ -1,0 +1,216 @@
+"""Fits of a whole robot: what nuisances do is linear, so each step is one weighted least squares.
+
+The likelihood is that of one joint (:mod:`bench.diagnosis.noise`). A vector is the nuisances, each
+in deviations of its prior, then the knobs of the effects that are on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .noise import CLIP, Noise, cost, estimate, whiten
+from .robot_features import RobotKind
+from .robot_model import RobotBlocks, RobotModel
+
+Floats = NDArray[np.float64]
+
+STEP = 0.05  #: of a knob in finite differences, in its unit or its value
+ROUNDS = 6  #: of fitting and of estimating the noise in turns, at most
+STEPS = 4  #: of least squares in a round, at most
+SHORTER = (1.0, 0.5, 0.2, 0.05)  #: shares of a step that are tried
+ENOUGH = 0.3  #: gain [nats] at which a fit is done
+STRETCH_S = 0.5  #: of the phase over which scores are summed; assumed longer than any memory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotFit:
+    """Effects by name and the likeliest vector with them; noise by kind; cost with priors."""
+
+    names: tuple[str, ...]
+    z: Floats
+    noise: Mapping[RobotKind, Noise]
+    cost: float  #: negative log-likelihood with the priors [nats]
+
+    @property
+    def knobs(self) -> Floats:
+        """Values of the knobs."""
+        return self.z[len(self.z) - len(self.names) :]
+
+    @property
+    def nuisances(self) -> Floats:
+        """Values of the nuisances, in deviations."""
+        return self.z[: len(self.z) - len(self.names)]
+
+    @property
+    def settings(self) -> tuple[tuple[str, float], ...]:
+        """Effects with the values of their knobs."""
+        return tuple(zip(self.names, self.knobs.tolist(), strict=True))
+
+
+class Sight:
+    """Some recordings and kinds of channels of a model: what a fit is allowed to see."""
+
+    def __init__(self, model: RobotModel, which: Sequence[int], kinds: Iterable[RobotKind]) -> None:
+        self.model, self.which = model, tuple(which)
+        self.kinds = tuple(kind for kind in kinds if kind in model.floors())
+
+    def blocks(
+        self, names: Sequence[str], z: Floats, which: Sequence[int] | None = None
+    ) -> RobotBlocks:
+        """Recorded less modelled."""
+        chosen = self.which if which is None else which
+        found = self.model.residuals(names, z, chosen)
+        return {key: block for key, block in found.items() if key[1] in self.kinds}
+
+    def noise(
+        self, blocks: RobotBlocks, start: Mapping[RobotKind, Noise] | None = None
+    ) -> dict[RobotKind, Noise]:
+        """The likeliest noise of every kind."""
+        floors = self.model.floors()
+        return {
+            kind: estimate(
+                [b for (_, k), b in blocks.items() if k is kind],
+                floors[kind],
+                start.get(kind) if start else None,
+            )
+            for kind in self.kinds
+        }
+
+    def cost(self, blocks: RobotBlocks, noise: Mapping[RobotKind, Noise]) -> float:
+        """Negative log-likelihood without priors [nats]."""
+        return sum(cost(block, noise[kind]) for (_, kind), block in blocks.items())
+
+    def fit(
+        self,
+        names: Sequence[str] = (),
+        start: Floats | None = None,
+        noise: Mapping[RobotKind, Noise] | None = None,
+        which: Sequence[int] | None = None,
+        rounds: int = ROUNDS,
+    ) -> RobotFit:
+        """The likeliest vector with some effects, from ``start``."""
+        z = np.zeros(len(self.model.nuisances) + len(names)) if start is None else start
+        z = np.clip(z, *self._box(names))
+        blocks = self.blocks(names, z, which)
+        noise = noise or self.noise(blocks)
+        best: RobotFit | None = None
+        for _ in range(rounds):
+            z, blocks = self._least_squares(names, z, noise, which)
+            noise = self.noise(blocks, noise)
+            total = self.cost(blocks, noise) + self._prior(z, names)
+            found = RobotFit(tuple(names), z, noise, total)
+            if best is not None and found.cost > best.cost - ENOUGH:
+                return found if found.cost < best.cost else best
+            best = found
+        assert best is not None
+        return best
+
+    def at(self, found: RobotFit) -> RobotFit:
+        """A fit as it is, its noise and cost told anew."""
+        blocks = self.blocks(found.names, found.z)
+        noise = self.noise(blocks, found.noise)
+        total = self.cost(blocks, noise) + self._prior(found.z, found.names)
+        return RobotFit(found.names, found.z, noise, total)
+
+    def _box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
+        free = np.full(len(self.model.nuisances), np.inf)
+        ends = [self.model.placed[name].knob.bounds for name in names]
+        low = np.concatenate([-free, [low for low, _ in ends]])
+        high = np.concatenate([free, [high for _, high in ends]])
+        return low, high
+
+    def _prior(self, z: Floats, names: Sequence[str]) -> float:
+        return 0.5 * float(np.sum(z[: len(z) - len(names)] ** 2))
+
+    def _least_squares(
+        self,
+        names: Sequence[str],
+        z: Floats,
+        noise: Mapping[RobotKind, Noise],
+        which: Sequence[int] | None,
+    ) -> tuple[Floats, RobotBlocks]:
+        low, high = self._box(names)
+        prior = np.ones(len(z))
+        prior[len(z) - len(names) :] = 0.0
+        blocks = self.blocks(names, z, which)
+        now = self.cost(blocks, noise) + self._prior(z, names)
+        for _ in range(STEPS):
+            residual, jacobian = self.linearised(names, z, noise, which)
+            weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+            normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
+            slope = jacobian.T @ (weight * residual) + prior * z
+            way = -np.linalg.solve(normal, slope)
+            gained = 0.0
+            for share in SHORTER:
+                tried = np.clip(z + share * way, low, high)
+                moved = self.blocks(names, tried, which)
+                total = self.cost(moved, noise) + self._prior(tried, names)
+                if total < now:
+                    gained, now, z, blocks = now - total, total, tried, moved
+                    break
+            if gained < ENOUGH:
+                break
+        return z, blocks
+
+    def linearised(
+        self,
+        names: Sequence[str],
+        z: Floats,
+        noise: Mapping[RobotKind, Noise],
+        which: Sequence[int] | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Whitened residual (n,) and its Jacobian (n, numbers), without priors."""
+        blocks = self.blocks(names, z, which)
+        count = len(z) - len(names)
+        _, high = self._box(names)
+        moved = []
+        for k in range(count, len(z)):
+            step = STEP * max(1.0, abs(z[k]))
+            step = -step if z[k] + step > high[k] else step
+            other = z.copy()
+            other[k] += step
+            moved.append((step, self.blocks(names, other, which)))
+        residuals, rows = [], []
+        for key, block in blocks.items():
+            r, kind = key
+            known = np.isfinite(self.model.recorded(r, kind))
+            trace = self.model.traces[r][kind][known]
+            knobs = [(b[key].value - block.value) / step for step, b in moved]
+            columns = np.column_stack([block.value, -trace, *knobs])
+            out, _ = whiten(block, noise[kind], np.ascontiguousarray(columns))
+            residuals.append(out[:, 0])
+            rows.append(out[:, 1:])
+        return np.concatenate(residuals), np.concatenate(rows)
+
+    def covariances(self, found: RobotFit) -> tuple[Floats, Floats]:
+        """What the likelihood believes of a vector's errors, and what scores by stretch say."""
+        residual, jacobian = self.linearised(found.names, found.z, found.noise)
+        weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+        stretch = []
+        for number, block in enumerate(self.blocks(found.names, found.z).values()):
+            stretch.append(np.floor(block.t_s / STRETCH_S) + 1e6 * number)
+        _, cluster = np.unique(np.concatenate(stretch), return_inverse=True)
+        scores = np.zeros((int(cluster.max()) + 1, jacobian.shape[1]))
+        np.add.at(scores, cluster, jacobian * (weight * residual)[:, None])
+        prior = np.ones(len(found.z))
+        prior[len(found.z) - len(found.names) :] = 0.0
+        normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
+        believed = np.asarray(np.linalg.inv(normal), np.float64)
+        return believed, believed @ (scores.T @ scores + np.diag(prior)) @ believed
+
+    def inflation(self, found: RobotFit, name: str) -> float:
+        """How much too narrow the likelihood believes a knob to be, at least 1."""
+        believed, sandwich = self.covariances(found)
+        k = len(found.z) - len(found.names) + found.names.index(name)
+        return max(1.0, float(sandwich[k, k] / believed[k, k]))
+
+    def without(self, found: RobotFit, name: str, rounds: int = ROUNDS) -> RobotFit:
+        """The fit again without one effect."""
+        keep = [other != name for other in found.names]
+        names = tuple(n for n, kept in zip(found.names, keep, strict=True) if kept)
+        start = np.concatenate([found.nuisances, found.knobs[keep]])
+        return self.fit(names, start, found.noise, rounds=rounds)

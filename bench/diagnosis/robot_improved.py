@@ -1,0 +1,129 @@
+"""The better model of a whole robot: what a search found, as effects for the robot's file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import tomli_w
+
+from busemu.tables import Robot
+from sim.effects import Parameter, effect
+from sim.model import Addition, Estimate, with_additions
+from sim.tree import PhysicalRobot
+
+from .result import Estimate as Found
+from .robot_effects import Placed
+from .robot_nuisances import RobotNuisance
+
+WORTH = 0.3  #: deviations of its prior below which a nuisance is left as believed
+#: nuisances as effects, by the first word of their names: the effect and its parameter
+PLACES = {
+    "zero": ("zero_offset", "offset_rad"),
+    "torque": ("torque_constant", "scale"),
+    "mass": ("link_mass", "scale"),
+    "supply": ("supply_voltage", "scale"),
+    "gain": ("gain_error", "scale"),
+    "late": ("transport_delay", "delay_s"),
+    "grip": ("foot_slip", "scale"),
+}
+
+
+def of_causes(
+    placed: Sequence[tuple[Placed, Mapping[str, Found]]], recordings: str
+) -> list[Addition]:
+    """Named effects with their estimates; what only goes with them is typical, and says so."""
+    made = []
+    for one, found in placed:
+        estimates = {
+            name: Estimate(_within(one.parameter, e.value), recordings, e.ci95)
+            for name, e in found.items()
+        }
+        for name, value in one.companions.items():
+            if name not in estimates and value != one.effect.off[name]:
+                source = f"assumed, typical: goes with {one.parameter.name}; {recordings}"
+                estimates[name] = Estimate(value, source)
+        made.append(Addition(one.effect, one.where, estimates))
+    return made
+
+
+def of_nuisances(
+    base: PhysicalRobot, nuisances: Sequence[RobotNuisance], z: Sequence[float], recordings: str
+) -> list[Addition]:
+    """What is never exactly as believed, as it was fitted: what belongs to the robot itself.
+
+    Instants of sampling, roundings and the ground's tilt do not.
+    """
+    made = []
+    for nuisance, deviations in zip(nuisances, z, strict=False):
+        if abs(deviations) < WORTH:
+            continue
+        x = deviations * nuisance.deviation
+        told = f"nuisance {nuisance.name}; {recordings}"
+        made += _addition(base, nuisance.name, x, told)
+    return made
+
+
+def of_room(nuisances: Sequence[RobotNuisance], z: Sequence[float]) -> list[Addition]:
+    """The tilt of the ground as it was fitted: true of the room, and so in no robot's file."""
+    return [
+        _one("ground_tilt", f"{n.name.split()[1]}_rad", x * n.deviation, (), "nuisance")
+        for n, x in zip(nuisances, z, strict=False)
+        if n.name.startswith("tilt ")
+    ]
+
+
+def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addition]:
+    word, _, where = name.partition(" ")
+    if word == "friction":
+        (drive,) = (j.drive for j in base.joints if j.name == where)
+        levels = {
+            "coulomb_friction": ("more_nm", drive.friction.coulomb_nm),
+            "viscous_friction": ("more_nm_s_rad", drive.friction.viscous_nm_s_rad),
+        }
+        return [
+            _one(kind, parameter, x * level, (where,), told)
+            for kind, (parameter, level) in levels.items()
+            if level != 0.0
+        ]
+    if word == "centre":
+        return [_one("com_offset", f"{where}_m", x, ("trunk",), told)]
+    if word not in PLACES:
+        return []
+    kind, parameter = PLACES[word]
+    places: tuple[str, ...] = ()
+    if word == "mass":
+        bodies = tuple(b.name for b in base.bodies if b.name.endswith(f".{where}"))
+        places = (where,) if where == "trunk" else bodies
+    elif where:
+        places = (where,)
+    value = effect(kind).parameter(parameter).off + x
+    if word == "late" and value <= 0.0:
+        return []  # a command that acts earlier than it is sent is the reading's, not the robot's
+    return [_one(kind, parameter, value, places, told)]
+
+
+def _one(kind: str, parameter: str, value: float, where: tuple[str, ...], told: str) -> Addition:
+    known = effect(kind)
+    return Addition(
+        known, where, {parameter: Estimate(_within(known.parameter(parameter), value), told)}
+    )
+
+
+def _within(parameter: Parameter, value: float) -> float:
+    return min(parameter.high, max(parameter.low, value))
+
+
+def with_all(robot: PhysicalRobot, added: Sequence[Addition]) -> PhysicalRobot:
+    """The robot with every addition, in their order, as a file that lists them has it."""
+    for addition in added:
+        robot = addition.to(robot)
+    return robot
+
+
+def write_model(robot: Robot, added: Sequence[Addition], path: Path) -> None:
+    """Write the robot file with the additions, whole or not at all."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(tomli_w.dumps(with_additions(robot, added)), "utf-8")
+    os.replace(part, path)

@@ -1,0 +1,148 @@
+"""What is left of a whole robot's misfit that would be foretold: none of the above.
+
+The misfit of the recordings that were fitted, joint by joint over the phase of the gait, foretells
+that of the recordings that judge as far as it is structure and not noise. What two sound engines
+leave of one walk is structure as well: only more than that is called unexplained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .robot_features import Features, RobotKind
+from .robot_fit import RobotFit
+from .robot_model import ENGINES_RAD, RobotModel
+
+Floats = NDArray[np.float64]
+
+MORE = 2.0  #: times what engines differ by, from which structure is called unexplained
+SHARE = 0.15  #: of the squared rest that must be foretold
+AGREEING = 0.6  #: of the recordings that must agree
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What is left: RMS of phase means [rad], how much is foretold, and what it goes with."""
+
+    rms_rad: float
+    predicted_rad: float
+    share: float
+    agreeing: float  #: share of the recordings whose rest goes the way that was foretold
+    terms: Mapping[str, float]  #: correlations
+    joints: tuple[str, ...]  #: the kinds of joints and phases that hold most of it
+    where: tuple[str, ...]
+
+    @property
+    def structured(self) -> bool:
+        """Whether it must be called unexplained."""
+        return (
+            self.predicted_rad > MORE * ENGINES_RAD
+            and self.share > SHARE
+            and self.agreeing >= AGREEING
+        )
+
+
+def rest_of(
+    model: RobotModel, found: RobotFit, fitted: Sequence[int], judging: Sequence[int]
+) -> Rest:
+    """The rest of some recordings as others foretell it; of the same ones by each other."""
+    blocks = model.residuals(found.names, found.z, sorted({*fitted, *judging}))
+    left = {r: blocks[r, RobotKind.JOINTS].value for r in sorted({*fitted, *judging})}
+    products, squares, agreeing = [], [], []
+    rows: list[tuple[Features, Floats]] = []
+    for r in judging:
+        others = [q for q in fitted if q != r and _same_bins(model, q, r)]
+        if not others:
+            continue
+        features = model.features[r]
+        foretold = np.zeros(len(left[r]))
+        for q in others:
+            foretold += _as_rows(model.features[q], left[q], features) / len(others)
+        product = float(np.mean(foretold * left[r]))
+        products.append(product)
+        squares.append(float(np.mean(left[r] ** 2)))
+        agreeing.append(product > 0.0)
+        rows.append((features, left[r]))
+    every = np.concatenate([left[r] for r in judging])
+    rms = float(np.sqrt(np.mean(every**2)))
+    if not products:
+        return Rest(rms, 0.0, 0.0, 0.0, {}, (), ())
+    predicted = max(0.0, float(np.mean(products)))
+    part, phases = _most(model, rows)
+    return Rest(
+        rms,
+        float(np.sqrt(predicted)),
+        predicted / max(float(np.mean(squares)), 1e-30),
+        float(np.mean(agreeing)),
+        _terms(rows),
+        part,
+        phases,
+    )
+
+
+def _same_bins(model: RobotModel, one: int, other: int) -> bool:
+    """Whether bins mean the same: both of a gait's phase, or windows of one motion."""
+    a, b = model.features[one], model.features[other]
+    if a.phase is not None and b.phase is not None:
+        return True
+    return model.motion[one] == model.motion[other]
+
+
+def _as_rows(source: Features, value: Floats, target: Features) -> Floats:
+    """Values by joint and bin in another recording's rows; 0 where there are none."""
+    size = int(max(source.bin.max(), target.bin.max())) + 1
+    table = np.zeros((int(target.joint_row.max()) + 1, size))
+    table[source.joint_row, source.bin] = value
+    found: Floats = table[target.joint_row, target.bin]
+    return found
+
+
+def _terms(rows: Sequence[tuple[Features, Floats]]) -> dict[str, float]:
+    """Correlations of the rest with what a joint does and bears, the strongest first."""
+    value = np.concatenate([v for _, v in rows])
+    goal = np.concatenate([f.goal_rad for f, _ in rows])
+    error = np.concatenate([f.goal_rad - f.position_rad for f, _ in rows])
+    speed = np.concatenate([_speed(f) for f, _ in rows])
+    stance = np.concatenate([f.stance.astype(np.float64) for f, _ in rows])
+    terms = {"position": goal, "velocity": speed, "load": error, "stance": stance}
+    found = {
+        name: float(np.corrcoef(value, term)[0, 1]) if np.std(term) > 0.0 else 0.0
+        for name, term in terms.items()
+    }
+    strong = sorted(found.items(), key=lambda item: -abs(item[1]))
+    return {name: x for name, x in strong if abs(x) > 0.2}
+
+
+def _speed(features: Features) -> Floats:
+    """How the recorded means move from bin to bin [rad], round the cycle."""
+    found = np.zeros(len(features.bin))
+    for joint in range(int(features.joint_row.max()) + 1):
+        mine = features.joint_row == joint
+        angle = features.position_rad[mine]
+        found[mine] = 0.5 * (np.roll(angle, -1) - np.roll(angle, 1))
+    return found
+
+
+def _most(
+    model: RobotModel, rows: Sequence[tuple[Features, Floats]]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The kind of joint that holds most of the rest, and the phases beyond an even share."""
+    names = [joint.name for joint in model.base.joints]
+    parts = np.array([name.rpartition(".")[2] for name in names])
+    squares: dict[str, float] = {}
+    phases = {"stance": (0.0, 0), "swing": (0.0, 0)}
+    for features, value in rows:
+        of_row = parts[features.joint_row]
+        for part in dict.fromkeys(parts.tolist()):
+            squares[part] = squares.get(part, 0.0) + float(np.sum(value[of_row == part] ** 2))
+        for phase, there in (("stance", features.stance), ("swing", ~features.stance)):
+            total, count = phases[phase]
+            phases[phase] = total + float(np.sum(value[there] ** 2)), count + int(there.sum())
+    most = max(squares, key=lambda part: squares[part])
+    level = {phase: total / max(count, 1) for phase, (total, count) in phases.items()}
+    where = [phase for phase, x in level.items() if x >= float(np.mean(list(level.values())))]
+    return tuple(n for n in names if n.endswith(f".{most}")), tuple(where)

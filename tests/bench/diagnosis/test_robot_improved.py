@@ -1,0 +1,98 @@
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from walking_robots import believed, marvin
+
+from bench.diagnosis.result import Estimate
+from bench.diagnosis.robot_effects import placed_effects
+from bench.diagnosis.robot_improved import (
+    WORTH,
+    of_causes,
+    of_nuisances,
+    of_room,
+    with_all,
+    write_model,
+)
+from bench.diagnosis.robot_nuisances import nuisances, trials
+from busemu.tables import load_robot
+from sim.model import read_model
+
+TOLD = "fitted to recordings walk-1"
+#: nuisances of the reading or of the room: no robot's file has them
+NOT_THE_ROBOTS = ("reading", "sampling", "turn", "tilt")
+
+
+def every():
+    return nuisances(believed(), 0.005)
+
+
+def only(name, deviations):
+    return [deviations if n.name == name else 0.0 for n in every()]
+
+
+@pytest.mark.parametrize("word", ["zero", "mass", "centre", "supply", "gain", "late", "grip"])
+def test_a_nuisance_in_the_file_does_what_its_trial_did(word):
+    for nuisance in every():
+        if nuisance.name.split()[0] != word:
+            continue
+        (trial,) = (t for t in trials(believed()) if t.name == nuisance.trial)
+        deviations = trial.size / nuisance.deviation
+        added = of_nuisances(believed(), every(), only(nuisance.name, deviations), TOLD)
+        assert with_all(believed(), added) == trial.change(believed(), trial.size), nuisance.name
+
+
+@pytest.mark.parametrize("word", ["torque", "friction"])
+def test_a_joints_own_nuisance_changes_that_joint_only(word):
+    nuisance = next(n for n in every() if n.name == f"{word} leg3.femur")
+    (trial,) = (t for t in trials(believed()) if t.name == nuisance.trial)
+    added = of_nuisances(
+        believed(), every(), only(nuisance.name, trial.size / nuisance.deviation), TOLD
+    )
+    changed = with_all(believed(), added)
+    for before, own, all_of_kind in zip(
+        believed().joints, changed.joints, trial.change(believed(), trial.size).joints, strict=True
+    ):
+        expected = all_of_kind if own.name == "leg3.femur" else before
+        assert own.drive.friction.coulomb_nm == pytest.approx(expected.drive.friction.coulomb_nm)
+        assert own.drive.torque_constant_nm_a == pytest.approx(expected.drive.torque_constant_nm_a)
+
+
+@pytest.mark.parametrize("word", NOT_THE_ROBOTS)
+def test_what_is_not_the_robots_own_is_not_in_its_file(word):
+    names = [n.name for n in every() if n.name.split()[0] == word]
+    assert names
+    for name in names:
+        assert of_nuisances(believed(), every(), only(name, 2.0), TOLD) == []
+
+
+def test_what_hardly_differs_from_what_was_believed_is_left_as_believed():
+    assert of_nuisances(believed(), every(), [0.9 * WORTH for _ in every()], TOLD) == []
+
+
+def test_the_rooms_tilt_is_that_of_its_trial():
+    (trial,) = (t for t in trials(believed()) if t.name == "tilt pitch")
+    (nuisance,) = (n for n in every() if n.name == "tilt pitch")
+    room = of_room(every(), only("tilt pitch", trial.size / nuisance.deviation))
+    tilted = with_all(believed(), room)
+    assert np.allclose(
+        [tilted.ground.pitch_rad, tilted.ground.roll_rad],
+        [g := trial.change(believed(), trial.size).ground.pitch_rad, 0.0],
+    ), g
+
+
+def test_a_model_file_is_the_robot_with_its_causes_and_says_where_from(tmp_path):
+    placed = placed_effects(believed())["foot_compliance@leg2"]
+    value = 900.0
+    found = {placed.parameter.name: Estimate(value, (800.0, 1000.0), "N/m")}
+    write_model(marvin(), of_causes([(placed, found)], TOLD), tmp_path / "model.toml")
+    loaded = read_model(load_robot(tmp_path / "model.toml"))
+    assert loaded.legs == placed.apply(believed(), value).legs
+    assert replace(loaded, legs=believed().legs) == believed()
+    with (tmp_path / "model.toml").open("rb") as file:
+        (entry,) = tomllib.load(file)["effect"]
+    assert entry["where"] == ["leg2"]
+    assert entry["parameters"][placed.parameter.name]["ci95"] == [800.0, 1000.0]
+    assert all(TOLD in p["source"] for p in entry["parameters"].values())
+    assert "assumed" in entry["parameters"]["damping_n_s_m"]["source"]
