@@ -16,7 +16,7 @@ import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from busemu.assemble import assemble, plants
@@ -42,6 +42,8 @@ WAITING = 4000
 THRESHOLDS: Mapping[str, float] = MappingProxyType(
     {"rad": 0.09, "rad/s": 1.0, "": 0.3, "A": 0.3, "V": 0.5, "degC": 15.0}
 )
+#: The shadow stands behind a USB2AX, too, which waits no longer than this for a servo [s].
+AT_ONCE_S = math.ulp(0.0)
 #: Registers that two servos need not have alike.
 FREE = frozenset({"realtime_tick", "moving", "moving_status", "hardware_error_status"})
 #: Registers whose value depends on where the joint stands.
@@ -117,7 +119,8 @@ class Shadow:
         self._robot = robot
         self._tell = tell
         self._thresholds = {**THRESHOLDS, **thresholds}
-        self._bus = assemble(robot, plant, load_profile("instant"), start_s=start_s)
+        profile = replace(load_profile("instant"), usb2ax_timeout_s=AT_ONCE_S)
+        self._bus = assemble(robot, plant, profile, start_s=start_s)
         self._decoder = WireDecoder(robot.protocol, robot.tables, self._expect)
         self._framer = Framer(robot.protocol)
         self._held, self._heard_s = b"", start_s

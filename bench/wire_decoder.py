@@ -18,7 +18,9 @@ that hears itself gives instructions back, which are known and left out.
 **Registers.** Bytes are cut into registers by :mod:`bench.wire_registers`, which also says what
 becomes of bytes that are none.
 
-Not decoded: the sync read that a USB2AX adapter carries out by itself.
+**USB2AX.** The sync read that this adapter carries out by itself is a read of many servos, all of
+them answered when its one status packet comes. What it did not get it fills with FF, and that is
+taken for lost here.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from busemu import usb2ax
 from busemu.group import GroupRead, group_read, group_writes
 from busemu.protocol import (
     BROADCAST_ID,
@@ -73,7 +76,7 @@ class _OpenRead:
 
     t_s: float
     items: deque[tuple[int, int, int]]  #: servo ID, address, length
-    fast: bool = False
+    instruction: int = Instruction.READ
     behind: list[Access] = field(default_factory=list)  #: what was written after it
 
 
@@ -158,7 +161,7 @@ class WireDecoder:
         elif reads is not None:
             items = deque(item for item in reads.items if 0 < item[2] <= v2.MAX_LENGTH)
             if items:
-                self._open.append(_OpenRead(t_s, items, reads.fast))
+                self._open.append(_OpenRead(t_s, items, reads.instruction))
         else:
             self._single(packet, t_s)
 
@@ -171,6 +174,8 @@ class WireDecoder:
                 return None
             address, length = _number(parameters[:width]), _number(parameters[width:])
             return GroupRead(kind, ((packet.servo_id, address, length),))
+        if kind == Instruction.USB2AX_SYNC_READ and self._protocol == 1.0:
+            return usb2ax.asked(packet)
         return group_read(packet, self._protocol)
 
     def _single(self, packet: InstructionPacket, t_s: float) -> None:
@@ -257,22 +262,26 @@ def _answers(read: _OpenRead, packet: StatusPacket) -> list[tuple[int, bytes]]:
 
     A refusal brings no data. A packet with data of another length answers something else.
     """
+    asked = GroupRead(read.instruction, tuple(read.items))
+    if read.instruction == Instruction.USB2AX_SYNC_READ:
+        return usb2ax.answered(asked, packet)
     if packet.servo_id == BROADCAST_ID:
-        if not read.fast:
-            return []
-        try:
-            blocks = split_fast_status(packet, [length for _, _, length in read.items])
-        except ValueError:
-            return []
-        asked = [servo_id for servo_id, _, _ in read.items]
-        if [servo_id for servo_id, _, _ in blocks] != asked:
-            return []
-        return [(servo_id, data) for servo_id, _, data in blocks]
+        return _fast_answers(asked, packet) if asked.fast else []
     size = len(packet.parameters)
-    for servo_id, _, length in () if read.fast else read.items:
+    for servo_id, _, length in () if asked.fast else asked.items:
         if servo_id == packet.servo_id and (size == length or (packet.error and not size)):
             return [(servo_id, packet.parameters)]
     return []
+
+
+def _fast_answers(asked: GroupRead, packet: StatusPacket) -> list[tuple[int, bytes]]:
+    try:
+        blocks = split_fast_status(packet, [length for _, _, length in asked.items])
+    except ValueError:
+        return []
+    if [block[0] for block in blocks] != [item[0] for item in asked.items]:
+        return []
+    return [(servo_id, data) for servo_id, _, data in blocks]
 
 
 def _number(data: bytes) -> int:

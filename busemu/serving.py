@@ -178,7 +178,7 @@ class Served:
 
     def describe(self) -> Iterator[str]:
         """Lines for the user: what it is, where, and what to try."""
-        wanted, robot, link = self.wanted, self.robot, self.wanted.link
+        robot, link = self.robot, self.wanted.link
         yield (
             f"{robot.name}: {len(robot.servos)} servos, Protocol {robot.protocol}, "
             f"{robot.baud_rate} baud; timing {self.profile.name}, plant {self.plant}"

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from .group import superpose
+from .group import GroupRead, superpose
 from .protocol import (
     BROADCAST_ID,
     ErrorBit1,
@@ -47,14 +47,43 @@ class Line(Protocol):
     def hand_up(self, data: bytes, at_s: float) -> None: ...  # noqa: D102
 
 
+def asked(packet: InstructionPacket) -> GroupRead | None:
+    """What a packet asks of such an adapter; ``None`` where it is nothing for it."""
+    parameters = packet.parameters
+    if (
+        packet.instruction != Instruction.USB2AX_SYNC_READ
+        or packet.servo_id not in (ADAPTER_ID, BROADCAST_ID)
+        or len(parameters) > MAX_PARAMETERS
+    ):
+        return None
+    address, size = parameters[:2] if len(parameters) > 1 else (0, 0)
+    items = tuple((servo_id, address, size) for servo_id in parameters[2:])
+    return GroupRead(packet.instruction, items)
+
+
+def answered(read: GroupRead, status: StatusPacket) -> list[tuple[int, bytes]]:
+    """Servo IDs and data that the adapter hands up; no data of servos that it did not hear.
+
+    Empty where the status packet is no answer to ``read``. The adapter puts FF in place of what is
+    missing; so a register whose bytes are all FF cannot be told from a servo that is silent.
+    """
+    data, size = status.parameters, read.items[0][2] if read.items else 0
+    if status.servo_id != ADAPTER_ID:
+        return []
+    if status.error and not data:
+        data = b"\xff" * size * len(read.items)
+    if len(data) != size * len(read.items):
+        return []
+    parts = (data[at : at + size] for at in range(0, len(data), size or 1))
+    return [
+        (item[0], b"" if part == b"\xff" * size else part)
+        for item, part in zip(read.items, parts, strict=True)
+    ]
+
+
 def answers(packet: InstructionPacket, profile: Profile) -> bool:
     """Whether the adapter takes the packet for itself."""
-    return (
-        packet.instruction == Instruction.USB2AX_SYNC_READ
-        and profile.usb2ax_timeout_s > 0.0
-        and packet.servo_id in (ADAPTER_ID, BROADCAST_ID)
-        and len(packet.parameters) <= MAX_PARAMETERS
-    )
+    return profile.usb2ax_timeout_s > 0.0 and asked(packet) is not None
 
 
 class SyncRead:

@@ -18,7 +18,7 @@ from bench.shadow import HOLD_S, SETTLE_S, Parting, Shadow, ShadowError, parse_t
 from bench.wire_decoder import WireDecoder
 from busemu.assemble import assemble
 from busemu.plant import IdealPlant, ServoState, ideal
-from busemu.protocol import Instruction, InstructionPacket, v2
+from busemu.protocol import Instruction, InstructionPacket, v1, v2
 from busemu.tables import Robot, load_robot
 from busemu.timing import load_profile
 
@@ -204,6 +204,25 @@ def test_a_packet_that_comes_in_parts_is_whole_for_the_shadow() -> None:
     beside.go()
     beside.read_all("present_position", 4.0, cut=5)
     assert [parting.servo_id for parting in beside.told] == [3]
+
+
+def test_a_shadow_answers_what_a_usb2ax_reads_by_itself() -> None:
+    robot, told = load_robot("phantomx"), []
+    real = assemble(robot, ideal(robot), load_profile("usb2ax"), start_s=5.0)
+    shadow = Shadow(robot, ideal(robot), 5.0, told.append)
+    decoder = WireDecoder(1.0, robot.tables, shadow.seen)
+    register = robot.tables[1]["present_voltage"]
+    parameters = bytes([register.address, 1, *range(1, 19)])
+    for now_s in (5.1, 5.2):
+        packet = InstructionPacket(0xFD, Instruction.USB2AX_SYNC_READ, parameters)
+        data = v1.encode_instruction(packet)
+        shadow.sent(data, now_s, 1_000_000)
+        decoder.sent(data, now_s)
+        real.poll(now_s)
+        real.receive(data, now_s)
+        decoder.received(real.poll(now_s + 0.09), now_s + 0.09)
+    assert sum(pair.compared for pair in shadow.pairs.values()) == 36
+    assert told == []
 
 
 @pytest.mark.parametrize("words", ["rad", "rad=", "rad=-1", "rad=x", "=nan"])

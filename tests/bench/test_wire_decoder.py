@@ -322,6 +322,40 @@ def test_fast_bulk_read_comes_in_one_packet() -> None:
     assert bench.seen() == [(1, "read", "present_voltage", 74), position(2, 512)]
 
 
+ADAPTER = 0xFD
+
+
+def usb2ax_read(ids: bytes) -> Bench:
+    bench = Bench(1.0)
+    place = bench.place("present_position")
+    bench.send(ADAPTER, Instruction.USB2AX_SYNC_READ, place, b"\x02", ids)
+    return bench
+
+
+def test_sync_read_of_a_usb2ax_is_a_row_for_each_servo() -> None:
+    bench = usb2ax_read(b"\x02\x01")
+    reply_s = bench.answer(ADAPTER, b"\x07\x00\x00\x02")
+    assert [row.t_reply_s for row in bench.rows] == [reply_s, reply_s]
+    assert bench.seen() == [position(2, 7), position(1, 512)]
+
+
+def test_servo_that_a_usb2ax_did_not_hear_is_lost_and_no_other() -> None:
+    bench = usb2ax_read(b"\x01\x02\x01")
+    bench.answer(ADAPTER, b"\x07\x00\xff\xff\x08\x00")
+    assert bench.seen() == [position(1, 7), position(2, None), position(1, 8)]
+    assert bench.decoder.counts.lost == 1
+
+
+@pytest.mark.parametrize(
+    "answer", [(ADAPTER, b"", 8), (ADAPTER, b"\x07\x00", 0), (1, b"\x07\x00", 0)]
+)
+def test_sync_read_that_a_usb2ax_does_not_answer_is_lost(answer: tuple[int, bytes, int]) -> None:
+    bench = usb2ax_read(b"\x01\x02")
+    bench.answer(*answer)
+    bench.send(1, Instruction.PING)
+    assert bench.seen() == [position(1, None), position(2, None)]
+
+
 def read(bench: Bench, servo_id: int = 1, after_s: float = 0.01) -> float:
     place = bench.place("present_position")
     return bench.send(servo_id, Instruction.READ, place, bench.number(2), after_s=after_s)

@@ -30,6 +30,7 @@ from port_programs import (
     until,
 )
 from pypot.dynamixel.io import Dxl320IO, DxlIO
+from pypot.dynamixel.io.abstract_io import DxlTimeoutError
 
 from bench.recording import Recording, read
 from busemu.ports import device as device_module
@@ -235,6 +236,25 @@ def test_pypot_through_a_tap(tmp_path: Path, name: str) -> None:
     assert rows(recording, 5, "goal_position", "read")[-1] == goal > 512
     assert all(1.0 in rows(recording, i, "torque_enable", "read") for i in IDS)
     assert all(len(rows(recording, i, "present_position", "read")) >= 1 for i in IDS)
+
+
+def test_sync_reads_of_pypot_on_a_usb2ax_are_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "usb2ax.parquet"
+    arguments = ("--robot", "phantomx", "--timing", "usb2ax")
+    with serving(*arguments) as server, tapping(server.path, "phantomx", path) as tap:
+        with closing(DxlIO(tap.path, timeout=0.5, use_sync_read=True)) as io:
+
+            def read_all() -> bool:
+                with suppress(DxlTimeoutError):
+                    return len(io.get_present_position(IDS)) == 18
+                return False
+
+            until(read_all)
+        code, said = tap.end()
+        assert code == 0, said
+    recording = read(path)
+    for servo_id in IDS:
+        assert rows(recording, servo_id, "present_position", "read")[-1] == 512
 
 
 def test_baud_rate_of_the_program_is_that_of_the_device(tmp_path: Path) -> None:
