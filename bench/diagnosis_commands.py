@@ -84,6 +84,7 @@ def diagnose(
     """
     from .diagnosis.journal import FOLDER, Journal
     from .diagnosis.report import Origin, write_report
+    from .diagnosis.report.telling import unfinished
     from .diagnosis.sense import DiagnosisError
     from .diagnosis.summary import show
     from .diagnosis.watch import Watch
@@ -124,7 +125,7 @@ def diagnose(
             "the same command goes on from here"
         )
         raise typer.Exit(130) from None
-    if not watch.late:
+    if not watch.late and not unfinished(answers.diagnosis):
         journal.finished()
     if journal.recalled:
         typer.echo(f"{journal.recalled} steps were there from an earlier run")

@@ -118,7 +118,7 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
             "What is named takes next to nothing of the misfit away: a hint at most, not the cause "
             "of what is seen."
         )
-    if any(details.get("stopped") for details in (diagnosis.details, *_by_joint(diagnosis))):
+    if unfinished(diagnosis):
         told.append(
             "The time was used up before the search was done: what is named may not be all, and "
             "what is left may have a name."
@@ -131,9 +131,10 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     return told
 
 
-def _by_joint(diagnosis: Diagnosis) -> list[Mapping[str, Any]]:
-    """Details of the joints of an arm; of one joint, none."""
-    return list(diagnosis.details.get("joints", {}).values())
+def unfinished(diagnosis: Diagnosis) -> bool:
+    """Whether the time was used up before the search was done, at any joint."""
+    joints = diagnosis.details.get("joints", {}).values()
+    return any(details.get("stopped") for details in (diagnosis.details, *joints))
 
 
 def places(diagnosis: Diagnosis) -> list[str]:

@@ -154,6 +154,7 @@ def test_a_joint_bears_what_the_others_make_of_it():
 def test_every_moving_joint_has_its_findings(found):
     assert [f.model.observed[0].joint for f in found.findings] == list(MOVING)
     assert "base never moves: left out" in found.told
+    assert "base was left out: it never moves" in together(found.findings).limits
     assert all(isinstance(f, JointFindings) for f in found.findings)
 
 
