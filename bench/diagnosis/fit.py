@@ -20,13 +20,14 @@ Floats = NDArray[np.float64]
 STEP = 0.1  #: of a knob in finite differences at first, in its unit or its value
 NUISANCE_STEP = 0.7  #: in deviations of its prior
 TICKS_S = 0.002  #: least step of times: firmware has a tick of 1 ms
+SMOOTHEST = 0.25  #: share of the numbers that show roughness alone; others show bends, too
 #: a finite difference shall be so many deviations of noise long, within this range: friction and
 #: rounding in a position law make a rollout rough, and a short difference would see only that
 LONG, RANGE = 10.0, (5.0, 25.0)
 STEPS = (0.005, 1.0)  #: a knob's least and greatest step, in its unit or its value
 ROUNDS = 8  #: of fitting and of estimating the noise in turns, at most
 DAMPINGS = (1e-3, 0.03, 1.0, 30.0)  #: factors on the damping that are tried together
-ENOUGH = 0.3  #: gain of a step [nats] at which a fit is done
+ENOUGH = 1.0  #: gain of a step [nats] at which a fit is done: the likelihood is rough by more
 EDGE = 1e-3  #: how close to a bound a knob counts as at it
 
 
@@ -124,38 +125,82 @@ def linearise(
     which: Sequence[int] | None = None,
 ) -> tuple[Floats, Floats]:
     """Whitened residual (n,) and its Jacobian (n, len(z)) at ``z``, without priors."""
-    base = model.residuals(hypothesis, [z], which)[0]
+    around = Around(model, hypothesis, z, noise, which)
+    size, change = around.forward()
+    return around.residual, change / size
 
-    def differences(size: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
+
+class Around:
+    """Whitened residuals at a vector, and how they differ in steps from there."""
+
+    def __init__(
+        self,
+        model: JointModel,
+        hypothesis: Hypothesis,
+        z: Floats,
+        noise: Mapping[Kind, Noise],
+        which: Sequence[int] | None = None,
+    ) -> None:
+        self.model, self.hypothesis, self.z, self.noise = model, hypothesis, z, noise
+        self.which = which
+        self.base = model.residuals(hypothesis, [z], which)[0]
+        self.residual, _ = whitened([self.base], noise)
+
+    def change(self, size: Floats, columns: Sequence[int]) -> Floats:
+        """How the residual changes when each of some numbers takes its step (n, columns)."""
         moved: list[Blocks] = [{}] * len(columns)
         for controller, kinds in ((True, tuple(Kind)), (False, (Kind.POSITION, Kind.VOLTAGE))):
             these = [
                 i
                 for i, k in enumerate(columns)
-                if model.turns_controller(hypothesis, k) is controller
+                if self.model.turns_controller(self.hypothesis, k) is controller
             ]
             if these:
-                vectors = [z + np.eye(len(z))[columns[i]] * size[columns[i]] for i in these]
-                found = model.residuals(hypothesis, vectors, which, kinds)
+                vectors = [
+                    self.z + np.eye(len(self.z))[columns[i]] * size[columns[i]] for i in these
+                ]
+                found = self.model.residuals(self.hypothesis, vectors, self.which, kinds)
                 for i, blocks in zip(these, found, strict=True):
-                    moved[i] = base | blocks
-        return whitened([base, *moved], noise)
+                    moved[i] = self.base | blocks
+        return whitened([self.base, *moved], self.noise)[1]
 
-    size = steps(model, hypothesis, z)
-    residual, change = differences(size, range(len(z)))
-    count = len(model.nuisances)
-    length = np.linalg.norm(change[:, count:], axis=0)
-    badly = np.flatnonzero((length < RANGE[0]) | (length > RANGE[1]))
-    if len(badly):
-        wanted = np.clip(STEP * LONG / np.maximum(length, 1e-9), *STEPS)
-        again = steps(
-            model, hypothesis, z, np.where(np.isin(np.arange(len(wanted)), badly), wanted, STEP)
-        )
-        columns = [int(count + k) for k in badly if abs(again[count + k]) != abs(size[count + k])]
-        if columns:
-            _, change[:, columns] = differences(again, columns)
-            size[columns] = again[columns]
-    return residual, change / size
+    def forward(self) -> tuple[Floats, Floats]:
+        """Steps (len(z),) long enough to be seen, and what they change (n, len(z))."""
+        model, hypothesis, z = self.model, self.hypothesis, self.z
+        size = steps(model, hypothesis, z)
+        change = self.change(size, range(len(z)))
+        count = len(model.nuisances)
+        length = np.linalg.norm(change[:, count:], axis=0)
+        badly = (length < RANGE[0]) | (length > RANGE[1])
+        if badly.any():
+            wanted = np.clip(STEP * LONG / np.maximum(length, 1e-9), *STEPS)
+            again = steps(model, hypothesis, z, np.where(badly, wanted, STEP))
+            columns = [
+                int(k) for k in count + np.flatnonzero(badly) if abs(again[k]) != abs(size[k])
+            ]
+            if columns:
+                change[:, columns] = self.change(again, columns)
+                size[columns] = again[columns]
+        return size, change
+
+    def slopes(self) -> tuple[Floats, Floats]:
+        """The Jacobian (n, len(z)) from steps both ways, and what roughness adds to its squares.
+
+        Friction and rounding make a rollout rough: two that hardly differ come out a little apart.
+        What the two steps of a number leave when they are added shows by how much; without it, a
+        direction in which nothing changes would seem to be known.
+        """
+        low, high = bounds(self.model, self.hypothesis)
+        size, change = self.forward()
+        both = np.flatnonzero((self.z - size >= low) & (self.z - size <= high))
+        back = self.change(-size, both.tolist())
+        left = np.sum((change[:, both] + back) ** 2, axis=0) / 6.0  # of r+, r- and twice r
+        rough = float(np.quantile(left, SMOOTHEST)) if len(both) else 0.0
+        jacobian = change / size
+        jacobian[:, both] = (change[:, both] - back) / (2.0 * size[both])
+        added = 2.0 * rough / size**2
+        added[both] = 0.5 * rough / size[both] ** 2
+        return jacobian, added
 
 
 def fit(

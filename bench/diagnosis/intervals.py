@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from .fit import EDGE, Fit, bounds, fit, linearise
+from .fit import EDGE, Around, Fit, bounds, fit
 from .floor import ENGINE_RAD
 from .model import JointModel, Kind
 from .noise import CLIP, whiten
@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
 ENGINE_S = 0.3  #: assumed memory of what two simulations differ by
 DRAWS = 40  #: of such a difference
+KEPT = 0.2  #: of what seems to be known in a direction, however rough
 NORMAL = 1.96  #: deviations of an interval of 95 %
 FALL = 0.5 * NORMAL**2  #: of the likelihood at its ends [nats, deflated]
 REACH = (1.0, 2.0, 4.0)  #: half widths at which an end is looked for
@@ -32,24 +33,45 @@ SOON = 0.5  #: of the fall, at which the formula's end holds
 
 
 def covariances(model: JointModel, found: Fit) -> tuple[Floats, Floats]:
-    """What the likelihood believes of the errors of a vector, and what scores by stretch say."""
-    spread = Spread(model, found)
+    """What the likelihood believes of the errors of a vector, and what scores by stretch say.
+
+    Cheaply: roughness is not taken off, which makes both smaller alike.
+    """
+    spread = Spread(model, found, both_ways=False)
     return spread.believed, spread.sandwich(spread.stretches)
+
+
+def _smooth(information: Floats, added: Floats) -> Floats:
+    """What is known in every direction, less what roughness added, but never below a share."""
+    own = np.diag(information)
+    scale = np.sqrt(np.maximum(own, 1e-12))
+    whole = information / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(whole - np.diag(np.minimum(added, own) / scale**2))
+    least = KEPT * np.einsum("ik,ij,jk->k", vectors, whole, vectors)
+    kept: Floats = (vectors * np.maximum(values, least)) @ vectors.T
+    return kept * np.outer(scale, scale)
 
 
 class Spread:
     """How sure a fit can be of its numbers: variances in the order of its vector."""
 
-    def __init__(self, model: JointModel, found: Fit) -> None:
+    def __init__(self, model: JointModel, found: Fit, *, both_ways: bool = True) -> None:
         self.model, self.found = model, found
-        residual, jacobian = linearise(model, found.hypothesis, found.z, found.noise)
+        around = Around(model, found.hypothesis, found.z, found.noise)
+        residual = around.residual
+        if both_ways:
+            jacobian, added = around.slopes()
+        else:
+            size, change = around.forward()
+            jacobian, added = change / size, np.zeros(len(size))
         self.blocks = model.residuals(found.hypothesis, [found.z])[0]
         weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
         self.weighted = jacobian * weight[:, None]
         self.scores = self.weighted * residual[:, None]
         self.prior = np.zeros(jacobian.shape[1])
         self.prior[: len(model.nuisances)] = 1.0
-        normal = self.weighted.T @ jacobian + np.diag(self.prior + 1e-9)
+        normal = _smooth(self.weighted.T @ jacobian, added)
+        normal += np.diag(self.prior + 1e-9)
         low, high = bounds(model, found.hypothesis)
         free = np.flatnonzero(low < high)
         self.believed: Floats = np.zeros_like(normal)

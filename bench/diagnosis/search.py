@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sim.effects import Effect, catalogue
 
-from .fit import Fit, Score, fit, linearise, score
+from .fit import EDGE, Fit, Score, bounds, fit, linearise, score
 from .intervals import covariances
 from .journal import digest
 from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
@@ -113,8 +113,8 @@ def screen(
     """Effects by how well one try of each fits: gain [nats], name, and vector to start from.
 
     Every try is one rollout; what nuisances and effects already in could do instead is projected
-    out by their tangents, and the noise scaled to what is left. A ranking that was kept is not
-    made again.
+    out by their tangents, and the noise scaled to what is left. Nuisances that are as far as they
+    may be do nothing more. A ranking that was kept is not made again.
     """
     effects = list(effects)
     key = ""
@@ -136,13 +136,18 @@ def _ranking(
 ) -> list[tuple[float, str, Floats]]:
     residual, tangents = linearise(model, base.hypothesis, base.z, base.noise, which)
     count = len(model.nuisances)
+    low, high = bounds(model, base.hypothesis)
+    free = (base.z > low + EDGE) & (base.z < high - EDGE)
+    free[count:] = True
+    tangents = tangents[:, free]
     prior = np.zeros(len(base.z))
     prior[:count] = 1.0
+    prior, moved = prior[free], base.z[free]
     weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
     normal = (tangents * weight[:, None]).T @ tangents + np.diag(prior + 1e-9)
 
     def left(z: Floats) -> float:
-        step = np.linalg.solve(normal, tangents.T @ (weight * z) + prior * base.z)
+        step = np.linalg.solve(normal, tangents.T @ (weight * z) + prior * moved)
         after = z - tangents @ step
         size = np.abs(after)
         return float(np.sum(np.where(size < CLIP, size**2, 2.0 * CLIP * size - CLIP**2)))
@@ -180,7 +185,7 @@ def inflation(model: JointModel, found: Fit, knobs: Sequence[int]) -> float:
 def confirm(model: JointModel, base: Fit, effect: Effect, start: Floats) -> Gain:
     """Fit a hypothesis with one effect more."""
     hypothesis = base.hypothesis + effect_knobs(effect)
-    found = fit(model, hypothesis, start, base.noise, rounds=5)
+    found = fit(model, hypothesis, start, base.noise, rounds=3)
     own = [
         k
         for k in range(len(base.z), len(found.z))
