@@ -49,7 +49,8 @@ def _smooth(information: Floats, added: Floats) -> Floats:
     values, vectors = np.linalg.eigh(whole - np.diag(np.minimum(added, own) / scale**2))
     least = KEPT * np.einsum("ik,ij,jk->k", vectors, whole, vectors)
     kept: Floats = (vectors * np.maximum(values, least)) @ vectors.T
-    return kept * np.outer(scale, scale)
+    kept *= np.outer(scale, scale)
+    return kept
 
 
 class Spread:

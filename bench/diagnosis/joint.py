@@ -18,13 +18,14 @@ from .fit import Fit, block_rms, estimate_noise, fit
 from .floor import ENGINE_RAD, noise_floor, tolerance
 from .intervals import estimates
 from .journal import Journal
-from .knobs import joint_effects
+from .knobs import SEEN, joint_effects
 from .lost import lost_samples
-from .model import Blocks, Hypothesis, JointModel, Kind
+from .model import Blocks, Hypothesis, JointModel, Kind, believed_refresh_s
 from .next_experiment import next_experiments
 from .observed import Observed
 from .regimes import EVERYWHERE, localise
 from .remainder import Remainder, remainder
+from .renewed import load_refresh
 from .result import Cause, Diagnosis, FitSummary
 from .rivals import contemporaries, rivals
 from .search import Progress, held_out, score_outside
@@ -58,7 +59,7 @@ def diagnose_joint(
     judged: Sequence[Observed] = (),
     *,
     effects: Mapping[str, Effect] | None = None,
-    glitches: bool = True,
+    seen: Collection[str] = SEEN,
     seed: int = 0,
     say: Progress = lambda _: None,
     journal: Journal | None = None,
@@ -66,14 +67,16 @@ def diagnose_joint(
     """Diagnose one joint on ``observed`` recordings, judge it on ``judged`` ones.
 
     ``base`` is what the operator believes; ``effects`` the catalogue to choose from;
-    ``glitches`` is whether ``lost_samples`` is of it. Where ``say`` is a :class:`Watch` and its
+    ``seen`` those of it that are seen in the data itself. Where ``say`` is a :class:`Watch` and its
     time runs out, the search ends, and what was found until then is judged and told. ``journal``
     keeps what is done, and has what was done before.
     """
     watch = say if isinstance(say, Watch) else Watch(say)
     effects = joint_effects() if effects is None else dict(effects)
-    model = JointModel(base, robot, observed, journal)
-    judge = JointModel(base, robot, judged, journal) if judged else model
+    renewed = load_refresh(observed, believed_refresh_s(robot, observed[0].joint))
+    period_s = renewed.parameters["period_s"].value if renewed else None
+    model = JointModel(base, robot, observed, journal, period_s)
+    judge = JointModel(base, robot, judged, journal, period_s) if judged else model
     watch.tell("fitting what the operator believes")
     before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
     start_blocks = model.residuals(Hypothesis(), [before.z])[0]
@@ -111,14 +114,16 @@ def diagnose_joint(
                 indistinguishable_from=tuple(close),
             )
         )
-    lost = lost_samples(observed, after.noise[Kind.POSITION].total) if glitches else None
-    causes += [lost] if lost else []
+    lost = lost_samples(observed, after.noise[Kind.POSITION].total)
+    in_data = [cause for cause in (renewed, lost) if cause is not None]
+    causes += [cause for cause in in_data if cause.effect in seen]
     rejected += () if watch.late else supply_contradiction(model, after, tell)
     tell("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]
     rest = remainder(judge, blocks, seed)
     left = block_rms(blocks, Kind.POSITION)
-    structured = is_structured(rest, floor) or left > MISFIT * tolerance(floor)
+    unnamed = any(cause.effect not in seen for cause in in_data)
+    structured = unnamed or is_structured(rest, floor) or left > MISFIT * tolerance(floor)
     verdict = {
         (False, False): "consistent",
         (False, True): "unexplained",

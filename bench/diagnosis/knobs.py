@@ -42,6 +42,9 @@ WITHIN = 2.0  #: deviations that a nuisance with a tolerance may take
 FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was stated
 
 
+SEEN = frozenset({"load_refresh", "lost_samples"})  #: effects that are seen in the data itself
+
+
 @dataclass(frozen=True, slots=True)
 class Knob:
     """One parameter of one effect, at some places (none: everywhere)."""

@@ -88,6 +88,7 @@ class JointModel:
         robot: Robot,
         observed: Sequence[Observed],
         journal: Journal | None = None,
+        load_refresh_s: float | None = None,
     ) -> None:
         self.base = base
         self.journal = journal  #: of steps that are done, if they are kept
@@ -103,7 +104,9 @@ class JointModel:
         self._batch = Batch([o.replay for o in observed])
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]
-        self._load_refresh_s = float(self.table.drive.get("load_refresh_s", 0.0))
+        if load_refresh_s is None:
+            load_refresh_s = believed_refresh_s(robot, joint)
+        self._load_refresh_s = load_refresh_s  #: period in which the duty's register is renewed
         self._conditions = [tuple(sorted(o.condition.items(), key=str)) for o in observed]
         self._bases = {
             key: under(base, dict(o.condition))
@@ -264,6 +267,12 @@ class JointModel:
             if steps:
                 floors[kind] = max(steps) / np.sqrt(12.0)
         return floors
+
+
+def believed_refresh_s(robot: Robot, joint: str) -> float:
+    """The period in which a servo's load register is renewed by its file [s], 0 where always."""
+    table = robot.tables[robot.by_joint[joint].servo_id]
+    return float(table.drive.get("load_refresh_s", 0.0))
 
 
 def _good(observed: Observed) -> Floats:

@@ -19,7 +19,7 @@ from sim.model import read_model
 from .improved import write_improved
 from .joint import JointFindings, diagnose_joint
 from .journal import Journal
-from .knobs import joint_effects
+from .knobs import SEEN, joint_effects
 from .observed import Observed, left_out, observe, stuck
 from .search import Progress
 from .sense import DiagnosisError
@@ -30,7 +30,6 @@ HELD_OUT_OF = 4  #: one group of so many judges, when nobody says which
 MOVING_QUANTA = 20.0  #: of the register: a joint of an arm that moves less is left out; assumed
 #: effects that move every body of an arm at once, as nothing would
 NOT_IN_ARMS = frozenset({"com_offset"})
-LOST = "lost_samples"  #: the effect that is seen in the data itself
 LEAST_GROUPS = 3  #: with fewer, all are used to fit, and the report says so
 
 
@@ -107,7 +106,7 @@ def diagnose(
             fitted,
             judging,
             effects=effects,
-            glitches=LOST not in without,
+            seen=SEEN - set(without),
             seed=seed,
             say=watch if alone else watch.of(joint, len(base.joints) - number),
             journal=journal,
@@ -133,7 +132,7 @@ def moves(observed: Observed) -> bool:
 def without_effects(names: Sequence[str]) -> Mapping[str, Effect]:
     """The catalogue for one joint, less some effects. Raises :class:`DiagnosisError`."""
     effects = joint_effects()
-    if unknown := sorted(set(names) - {*effects, LOST}):
+    if unknown := sorted(set(names) - {*effects, *SEEN}):
         raise DiagnosisError(
             f"no effect named {unknown[0]!r} for one joint: use of {', '.join(sorted(effects))}"
         )

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.diagnosis.knobs import joint_effects
+from bench.diagnosis.knobs import SEEN, joint_effects
 from bench.diagnosis.next_experiment import menu
 from bench.diagnosis.report.traces import traces_of, worst
 from bench.diagnosis.running import Split, diagnose, group_of, write
@@ -35,8 +35,8 @@ def split_of(recordings: list[Recording], held_out: list[str]) -> Split:
 
 def left_out(told: dict[str, list[str]]) -> list[str]:
     """Effects of one joint that the catalogue shall lack."""
-    known = joint_effects()
-    only = told["catalogue"] or list(known)
+    known = (*joint_effects(), *sorted(SEEN))
+    only = told["catalogue"] or known
     return [name for name in known if name not in only or name in told["without"]]
 
 
