@@ -59,6 +59,8 @@ def additions(findings: Sequence[JointFindings], on: date) -> list[Addition]:
         joint = found.model.observed[0].joint
         made += _nuisances(found, joint, told, once)
         for cause in found.diagnosis.causes:
+            if cause.effect not in found.after.hypothesis.effects and cause.probability < 0.5:
+                continue  # seen in the data, and as likely something else
             estimates = {
                 name: Estimate(e.value, told, e.ci95)
                 for name, e in cause.parameters.items()

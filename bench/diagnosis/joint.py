@@ -23,6 +23,7 @@ from .lost import lost_samples
 from .model import Blocks, Hypothesis, JointModel, Kind, believed_refresh_s
 from .next_experiment import next_experiments
 from .observed import Observed
+from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
 from .remainder import Remainder, remainder
 from .renewed import load_refresh
@@ -117,6 +118,9 @@ def diagnose_joint(
     lost = lost_samples(observed, after.noise[Kind.POSITION].total)
     in_data = [cause for cause in (renewed, lost) if cause is not None]
     causes += [cause for cause in in_data if cause.effect in seen]
+    pushed = None if PLAY in after.hypothesis.effects else play(observed)
+    if pushed is not None and PLAY in effects:
+        causes.append(play_cause(pushed, observed[0].joint, after.noise[Kind.POSITION].total))
     rejected += () if watch.late else supply_contradiction(model, after, tell)
     tell("looking at what is left")
     blocks = judge.residuals(after.hypothesis, [after.z])[0]
@@ -144,7 +148,10 @@ def diagnose_joint(
         ),
         unexplained=_unexplained(judge, blocks, rest, floor, seed) if structured else (),
         next_experiment=tuple(nexts),
-        limits=_limits(model, after, {kind for _, kind in start_blocks}, watch),
+        limits=(
+            *_limits(model, after, {kind for _, kind in start_blocks}, watch),
+            *((pushed.words,) if pushed is not None else ()),
+        ),
         rejected=tuple(rejected),
         channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
         ranking=tuple(
