@@ -14,7 +14,7 @@ from rich.console import Console
 from bench.diagnosis.report import Origin, Trace, report_page, write_report
 from bench.diagnosis.report import page as page_module
 from bench.diagnosis.report.pictures import CLOSE_S, MOST_JOINTS, regime_picture, worst_stretch
-from bench.diagnosis.report.telling import channel_finding
+from bench.diagnosis.report.telling import cautions, channel_finding, unfinished
 from bench.diagnosis.report.traces import typical, worst
 from bench.diagnosis.report.words import meaning
 from bench.diagnosis.result import (
@@ -341,3 +341,18 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
         write_report(path, FOUND, TRACES, ORIGIN)
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
     assert path.read_text() == "old"
+
+
+@pytest.mark.parametrize(
+    ("details", "late"),
+    [
+        ({}, False),
+        ({"stopped": "step 1"}, True),
+        ({"joints": {"elbow": {}, "pitch": {"stopped": "step 2"}}}, True),
+        ({"joints": {"elbow": {}}}, False),
+    ],
+)
+def test_a_search_that_was_not_done_is_told_on_top(details, late):
+    diagnosis = replace(FOUND, details=details)
+    assert unfinished(diagnosis) is late
+    assert any("The time was used up" in told for told in cautions(diagnosis)) is late
