@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .robot_features import RobotKind
-from .robot_fit import RobotFit, Sight
+from .robot_fit import ENOUGH, RobotFit, Sight
 from .robot_model import RobotModel
 from .robot_screen import ALIKE, Screen, Screened
 from .watch import OutOfTimeError
@@ -30,8 +30,7 @@ PROMISING = 3.0  #: gain [nats] in the screening of those that are
 A_KIND = 2  #: of them at most so many places of one effect
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
-SETTLED = 2  #: times at most that a fit and exact replays take turns
-CLOSE_RAD = 2e-4  #: of curves to exact replays, at which they stop
+SETTLED = 5  #: times at most that exact replays and a fit take turns
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 
 
@@ -133,21 +132,25 @@ class RobotSearch:
                     ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
         except OutOfTimeError:
             pass  # what was taken until then is told
-        now, taken = self._prune(now, taken)
-        now = self.settle(now)
+        pruned, taken = self._prune(now, taken)
+        now = now if pruned is now else self.settle(pruned)
         return RobotFindings(
             base, now, tuple(taken), tuple(tried), alike, screened, self._rms(base), self._rms(now)
         )
 
     def settle(self, found: RobotFit) -> RobotFit:
-        """A fit whose replays are exact where it is: traces and curves only led there."""
+        """A fit whose replays are exact where it is: traces and curves only lead there."""
+        best: RobotFit | None = None
         for _ in range(SETTLED):
-            off = self.model.recentre(found.settings, found.nuisances, self.which)
-            found = self.sight.fit(found.names, found.z, found.noise)
-            if off < CLOSE_RAD:
+            self.model.recentre(found.settings, found.nuisances, self.which)
+            exact = self.sight.at(found)
+            if best is not None and exact.cost > best.cost - ENOUGH:
                 break
-        self.model.recentre(found.settings, found.nuisances, self.which)
-        return self.sight.at(found)
+            best = exact
+            found = self.sight.fit(exact.names, exact.z, exact.noise)
+        assert best is not None
+        self.model.recentre(best.settings, best.nuisances, self.which)
+        return best
 
     def _first_that_holds(self, now: RobotFit, gains: list[RobotGain]) -> RobotGain | None:
         """The best gain, if exact replays bear it out; it takes its place among the gains."""

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_model import ENGINES_RAD
 from bench.figures.gait import LEGS
 from bench.figures.style import GOAL, MEASURED, MODELLED, STANCE, styled
 from hal.legs import PARTS
@@ -73,7 +74,7 @@ def _shade(axes: Axes, phase: Floats, stance: NDArray[np.bool_]) -> None:
 
 
 @styled
-def summary_figure(model: RobotModel, answers: Sequence[Answer]) -> Figure:
+def summary_figure(answers: Sequence[Answer]) -> Figure:
     """What every run's misfit was as believed, with nuisances, and at the end; and the answers."""
     figure = Figure(figsize=(8.6, 0.32 * len(answers) + 1.6), layout="constrained")
     axes = figure.subplots()
@@ -88,11 +89,11 @@ def summary_figure(model: RobotModel, answers: Sequence[Answer]) -> Figure:
             f"{answer.run.name}, {answer.channels}: {answer.cause.value} "
             f"(true: {answer.run.cause.value}) {answer.word}"
         )
-    axes.axvline(1e3 * model.quantum_rad / np.sqrt(12.0), color=GOAL, linestyle=":")
+    axes.axvline(1e3 * ENGINES_RAD, color=GOAL, linestyle=":")
     axes.set_yticks(range(len(labels)), labels)
     axes.invert_yaxis()
     axes.set_xlim(left=0.0)
-    axes.set_xlabel("RMS of real less model over gait phase [mrad]; dotted: rounding of one sample")
+    axes.set_xlabel("RMS of real less model over gait phase [mrad]; dotted: what engines differ by")
     handles = [
         Line2D([], [], color=colour, marker="o", linestyle="", label=words)
         for colour, words in (

@@ -1,0 +1,96 @@
+"""Causes of a whole robot from what a search found: chances, rivals, the next walk."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from walking_robots import believed, walked
+
+from bench.diagnosis.rivals import CLOSE
+from bench.diagnosis.robot_causes import cause_of, close_rivals
+from bench.diagnosis.robot_effects import placed_effects
+from bench.diagnosis.robot_fit import RobotFit
+from bench.diagnosis.robot_next import HEAVIER, menu
+from bench.diagnosis.robot_search import RobotGain, levelled
+
+OWN = "foot_compliance@all"
+NEAR, FAR, SAME = "joint_compliance@all", "backlash@tibia", "foot_compliance@leg1"
+NATS = {OWN: 40.0, NEAR: 40.0 - 0.5 * CLOSE, FAR: 10.0, SAME: 39.0}
+
+
+def gain(name, nats):
+    return RobotGain(name, RobotFit((name,), np.ones(1), {}, 0.0), nats, 1.0, None)
+
+
+def found(alike=()):
+    step = tuple(gain(name, nats) for name, nats in NATS.items())
+    return SimpleNamespace(tried=(step,), taken=step[:1], alike={OWN: alike})
+
+
+def search():
+    model = SimpleNamespace(base=believed(), placed=placed_effects(believed()), nuisances=())
+    spread = np.array([[0.01]])
+    sight = SimpleNamespace(covariances=lambda fit: (spread, 4.0 * spread))
+    return SimpleNamespace(model=model, sight=sight)
+
+
+def cause(alike=()):
+    told = found(alike)
+    return cause_of(search(), told, told.taken[0], told.taken[0].fit, 0.8, 12.0)
+
+
+def test_a_cause_has_its_place_and_the_sandwichs_interval():
+    told = cause()
+    knob = placed_effects(believed())[OWN].knob
+    assert (told.effect, told.kind) == ("foot_compliance", "missing")
+    assert told.scope == tuple(f"leg{n}" for n in range(1, 7))
+    (estimate,) = told.parameters.values()
+    assert estimate.value == pytest.approx(knob.value(1.0))
+    deviation = 2.0 * 0.1
+    ends = sorted(knob.value(1.0 + side * 1.96 * deviation) for side in (-1, 1))
+    assert estimate.ci95 == pytest.approx(ends)
+    assert estimate.state == "pinned"
+
+
+def test_rivals_are_other_effects_that_came_close():
+    (rival,) = cause().indistinguishable_from
+    assert rival.effect == "joint_compliance"
+    assert rival.behind_nats == pytest.approx(0.5 * CLOSE)
+    assert 0.0 < rival.probability < cause().probability < 1.0
+
+
+def test_what_looks_the_same_and_was_not_fitted_is_a_rival_too():
+    effects = [r.effect for r in cause((("payload@all", 0.999),)).indistinguishable_from]
+    assert effects == ["payload", "joint_compliance"]
+
+
+def test_what_looks_the_same_but_was_fitted_and_is_far_behind_is_none():
+    effects = [r.effect for r in cause(((FAR, 0.999),)).indistinguishable_from]
+    assert effects == ["joint_compliance"]
+
+
+def test_the_next_experiment_is_sought_against_rivals_that_were_fitted():
+    told = found()
+    rivals = close_rivals(search().model, told, told.taken[0])
+    assert [rival.name for rival in rivals] == [NEAR]
+
+
+def test_gains_of_a_step_are_divided_by_one_inflation():
+    some = [gain(OWN, 20.0), gain(NEAR, 30.0)]
+    some[0] = RobotGain(OWN, some[0].fit, 20.0, 1.0, None)
+    some[1] = RobotGain(NEAR, some[1].fit, 30.0, 4.0, None)
+    ordered = levelled(some)
+    assert [g.name for g in ordered] == [NEAR, OWN]
+    assert [g.inflation for g in ordered] == [pytest.approx(2.0)] * 2
+
+
+def test_the_menu_is_the_recorded_walk_heavier_held_and_watched():
+    features = [SimpleNamespace(course=walked())]
+    choices = menu(SimpleNamespace(features=features, base=believed()))
+    heavier, held, watched = choices
+    assert heavier.course.condition["trunk_load_kg"] == pytest.approx(
+        HEAVIER * believed().mass_kg, abs=1e-3
+    )
+    assert held.course.condition["support"] == "suspended"
+    assert watched.course.height is not None
+    assert all((c.course.events == walked().events).all() for c in choices)
