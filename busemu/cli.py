@@ -28,7 +28,7 @@ from .tables import (
     table_markdown,
 )
 from .timing import ProfileError, profiles
-from .traceline import TraceError
+from .traffic.traceline import TraceError
 
 #: Errors that are the user's to mend: one line, exit code 1.
 USER_ERRORS = (

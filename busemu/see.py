@@ -15,16 +15,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .cli import fail
-from .explain import Explainer, Tables, brief, long
-from .follow import Follower, read_trace
-from .hextext import HexError
 from .tables import RobotError, TableError, load_robot, load_table, robots
-from .tally import Tally
 from .trace import WireEventKind
-from .traceline import TraceError
+from .traffic.explain import Explainer, Tables, brief, long
+from .traffic.follow import Follower, read_trace
+from .traffic.hextext import HexError
+from .traffic.tally import Tally
+from .traffic.traceline import TraceError
 
 if TYPE_CHECKING:
-    from .monitor import Monitor
+    from .traffic.monitor import Monitor
 
 #: The live view is drawn once in this time [s].
 DRAW_EVERY_S = 0.25
@@ -103,7 +103,7 @@ def decode(
 
     The exit code is 1 if anything was bad.
     """
-    from .decoding import Shown, decode_trace, sources
+    from .traffic.decoding import Shown, decode_trace, sources
 
     if not what and sys.stdin.isatty():
         fail("nothing to decode: give bytes in hex, a file, or pipe them in (busemu decode --help)")
@@ -161,7 +161,7 @@ def monitor(
     "measured" from the server's taking the bytes to its handing the answer over, so it has the
     adapter's latency in it.
     """
-    from .monitor import Monitor
+    from .traffic.monitor import Monitor
 
     tables = _tables_or_fail(robot)
     view = Monitor(Tally(lambda name: tables or _tables_of(name)), servo)

@@ -29,7 +29,7 @@ from .serve import ServerState, Station
 from .state import State, StateError
 from .tables import Robot, load_robot
 from .timing import Profile, load_profile
-from .tracing import TracedPort, Tracing
+from .traffic.tracing import TracedPort, Tracing
 
 #: How often an observer looks [s]: fast enough for pictures of a gait.
 OBSERVE_EVERY_S = 0.02

@@ -15,8 +15,8 @@ COMMAND_LINE = (
     "busemu.cli",
     "busemu.__main__",
     "busemu.see",
-    "busemu.decoding",
-    "busemu.monitor",
+    "busemu.traffic.decoding",
+    "busemu.traffic.monitor",
     "busemu.fault_command",
 )
 PACKAGES = ("busemu", "hal", "sim", "bench")

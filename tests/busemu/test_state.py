@@ -168,14 +168,14 @@ def test_a_served_bus_keeps_its_eeprom_over_any_end(tmp_path: Path, number: int)
     with serving(*arguments) as server:
         port = PortHandler(server.path)
         assert port.setBaudRate(1_000_000)
-        assert PacketHandler(1.0).write1ByteTxRx(port, 3, 5, 77) == (0, 0)
+        until(lambda: PacketHandler(1.0).write1ByteTxRx(port, 3, 5, 77) == (0, 0))
         until(lambda: b"return_delay_time = 77" in path.read_bytes())
         port.closePort()
         server.end(number)
     with serving(*arguments) as server:
         port = PortHandler(server.path)
         assert port.setBaudRate(1_000_000)
-        assert PacketHandler(1.0).read1ByteTxRx(port, 3, 5) == (77, 0, 0)
+        until(lambda: PacketHandler(1.0).read1ByteTxRx(port, 3, 5) == (77, 0, 0))
         port.closePort()
     assert [found.name for found in tmp_path.iterdir()] == ["s.toml"]
 

@@ -10,9 +10,9 @@ from dynamixel_sdk import PacketHandler
 sys.path.append(str(Path(__file__).parents[1] / "protocol"))
 from wire_vectors import load
 
-from busemu.explain import Explainer
 from busemu.protocol import InstructionPacket, crc16, encode_fast_status, v1, v2
 from busemu.trace import WireEventKind
+from busemu.traffic.explain import Explainer
 
 GOOD_1 = v1.encode_instruction(InstructionPacket(1, 3, b"\x1e\x00\x02"))
 GOOD_2 = v2.encode_instruction(InstructionPacket(1, 3, b"\x1e\x00\xff\x01"))

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 sys.path.append(str(Path(__file__).parents[1] / "protocol"))
 from wire_vectors import load
 
-from busemu.explain import Explainer, Tables, brief, long
 from busemu.protocol import InstructionPacket, StatusPacket, v1, v2
 from busemu.tables import load_table
 from busemu.trace import WireEventKind
+from busemu.traffic.explain import Explainer, Tables, brief, long
 
 MODEL = {1.0: "AX-12A", 2.0: "XM430-W350"}
 KIND = {"instruction": WireEventKind.INSTRUCTION, "status": WireEventKind.STATUS}

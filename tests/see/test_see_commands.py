@@ -17,11 +17,11 @@ sys.path.append(str(Path(__file__).parents[1] / "busemu"))
 from pty_server import serving, until
 
 from busemu.cli import app
-from busemu.follow import read_trace
 from busemu.see import decode, monitor
 from busemu.trace import WireEvent, WireEventKind
-from busemu.traceline import Header, Record
-from busemu.wirelog import WireLog
+from busemu.traffic.follow import read_trace
+from busemu.traffic.traceline import Header, Record
+from busemu.traffic.wirelog import WireLog
 
 READ = "FF FF FD 00 01 07 00 02 25 00 02 00 2D 95"
 ANSWER = "FF FF FD 00 01 06 00 55 00 00 02 C9 5B"
@@ -210,28 +210,34 @@ def test_a_snapshot_of_a_trace_with_nothing_in_it_is_no_error(tmp_path):
 
 
 def reads(path, count):
-    """Read so many positions of servo 1 through the official SDK."""
+    """Read so many positions of servo 1 through the official SDK; how often it had to ask.
+
+    A busy machine may be late for the SDK, which then asks again.
+    """
     port, packets = PortHandler(path), PacketHandler(2.0)
     assert port.openPort()
     assert port.setBaudRate(1_000_000)
-    for _ in range(count):
-        assert packets.read2ByteTxRx(port, 1, 37)[1] == 0
+    results = []
+    while results.count(0) < count:
+        results.append(packets.read2ByteTxRx(port, 1, 37)[1])
+        assert len(results) < 10 * count
     port.closePort()
+    return len(results)
 
 
 @pytest.mark.pty
 def test_a_server_killed_leaves_whole_lines_and_the_next_goes_on(tmp_path):
-    path = tmp_path / "t"
+    path, asked = tmp_path / "t", 0
     for start in (1, 2):
         with serving("--robot", "marvin", "--trace", path) as server:
-            reads(server.path, 40)
+            asked += reads(server.path, 40)
             server.end(signal.SIGKILL)
         entries = list(read_trace(path))
         assert None not in entries
         assert path.read_bytes().endswith(b"\n")
         assert len([each for each in entries if isinstance(each, Header)]) == start
         found = [each for each in entries if isinstance(each, Record)]
-        assert 78 * start <= len(found) <= 80 * start
+        assert 2 * asked - 2 * start <= len(found) <= 2 * asked
     for record in found:
         event = record.event
         if event.kind is WireEventKind.INSTRUCTION:

@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from busemu.assemble import assemble
-from busemu.explain import Tables
-from busemu.follow import Follower, read_trace
 from busemu.plant import ideal
 from busemu.tables import load_robot
-from busemu.tally import Tally
 from busemu.timing import load_profile
 from busemu.trace import WireEvent, WireEventKind
-from busemu.traceline import Dropped, Header, Record, TraceError, parse_line
-from busemu.wirelog import HANDED_LIMIT_S, WAITING_LIMIT, WireLog
+from busemu.traffic.explain import Tables
+from busemu.traffic.follow import Follower, read_trace
+from busemu.traffic.tally import Tally
+from busemu.traffic.traceline import Dropped, Header, Record, TraceError, parse_line
+from busemu.traffic.wirelog import HANDED_LIMIT_S, WAITING_LIMIT, WireLog
 
 SMALL = 65536
 HEADER = Header("marvin", 2.0, 1_000_000, "thesis-marvin", 5.0, 1.7e9)

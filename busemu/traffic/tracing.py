@@ -6,10 +6,10 @@ import sys
 import time
 from pathlib import Path
 
-from .bus import Bus
-from .ports.port import Port
-from .tables import Robot
-from .trace import WireEvent
+from ..bus import Bus
+from ..ports.port import Port
+from ..tables import Robot
+from ..trace import WireEvent
 from .traceline import Header, TraceError
 from .wirelog import WireLog
 

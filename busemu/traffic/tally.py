@@ -7,8 +7,8 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from ..trace import WireEventKind
 from .explain import COLLIDED, Explainer, Explanation, Tables, Value, instruction_name
-from .trace import WireEventKind
 from .traceline import Dropped, Entry, Header, Record
 
 _NUMBER = re.compile(r" [0-9A-F]{1,3}$")

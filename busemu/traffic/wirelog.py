@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
-from .trace import WireEvent, WireEventKind
+from ..trace import WireEvent, WireEventKind
 from .traceline import START, Dropped, Header, Record, TraceError, is_trace
 
 #: A reply that has not been handed over for so long [s] is written without that time: a collision

@@ -14,9 +14,9 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from ..protocol import BROADCAST_ID
 from .explain import Line, brief
 from .explain.text import STYLES
-from .protocol import BROADCAST_ID
 from .tally import Packet, Tally
 
 #: Lines of packets that are kept for the screen.

@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from .trace import WireEvent, WireEventKind
+from ..trace import WireEvent, WireEventKind
 
 FORMAT = "busemu-trace/1"
 START = b'{"format":"busemu-trace/'

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..protocol import ALERT_BIT, BROADCAST_ID, Error2, ErrorBit1
-from ..protocol.stuffing import STUFFED
+from ...protocol import ALERT_BIT, BROADCAST_ID, Error2, ErrorBit1
+from ...protocol.stuffing import STUFFED
 from .parameters import Field
 from .split import Stretch
 

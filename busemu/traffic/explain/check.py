@@ -9,8 +9,8 @@ from __future__ import annotations
 import binascii
 from collections.abc import Iterator
 
-from ..protocol import checksum, crc16, stuff, unstuff
-from ..protocol.v2 import BEFORE_BODY
+from ...protocol import checksum, crc16, stuff, unstuff
+from ...protocol.v2 import BEFORE_BODY
 
 #: Longest packet [bytes] in which a single flipped bit is looked for: beyond, chance finds one.
 FLIP_LIMIT = 64

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..protocol import (
+from ...protocol import (
     BROADCAST_ID,
     Instruction,
     crc16,
@@ -16,7 +16,7 @@ from ..protocol import (
     v1,
     v2,
 )
-from ..trace import WireEventKind
+from ...trace import WireEventKind
 from .fields import check_field, error_words, head, on_wire
 from .parameters import Field, instruction_name, layout_fits, tell
 from .registers import Tables, Value, values

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from ..protocol import BROADCAST_ID, Instruction
+from ...protocol import BROADCAST_ID, Instruction
 from .registers import Tables, Value, span, values
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from ..protocol import checksum, crc16, stuff, unstuff, v1, v2
+from ...protocol import checksum, crc16, stuff, unstuff, v1, v2
 from .check import checksum_fault, crc_fault
 
 #: A damaged packet is searched so far [bytes] for an end at which its CRC is right.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..tables import ControlTable, Register
+from ...tables import ControlTable, Register
 
 #: More registers than this are named by the first and the last only.
 NAMES_LIMIT = 4
