@@ -102,12 +102,22 @@ class Spread:
         return variance
 
     def between_engines(self, seed: int = 0) -> Floats:
-        """Variances that a difference between two sound simulations makes."""
+        """Variances that a difference between two sound simulations makes.
+
+        In a duty register it is how the value was rounded: up to half a step towards 0 or away.
+        """
         random = np.random.default_rng(seed)
         moved = np.zeros((DRAWS, self.scores.shape[1]))
         first = 0
-        for (_, kind), block in self.blocks.items():
+        rounded = random.uniform(-0.5, 0.5, DRAWS)
+        for (r, kind), block in self.blocks.items():
             count = len(block.t_s)
+            if kind is Kind.DUTY:
+                shown = self.model.observed[r].channels[kind.channel]
+                way = np.sign(np.interp(block.t_s, shown.t_s, shown.value))
+                difference = shown.quantum * np.outer(way, rounded)
+                white, _ = whiten(block, self.found.noise[kind], difference)
+                moved += white.T @ self.weighted[first : first + count]
             if kind is Kind.POSITION:
                 steps = random.standard_normal((count, DRAWS))
                 keep = np.exp(-np.diff(block.t_s, prepend=block.t_s[:1]) / ENGINE_S)
@@ -141,6 +151,9 @@ def interval(
     deflated = max(1.0, float(variances[k]) / own)
     ridge = spread.believed[:, k] / own
     middle = float(found.z[k])
+    effect = found.hypothesis.knobs[k - len(model.nuisances)].effect
+    if sum(knob.effect == effect for knob in found.hypothesis.knobs) == 1:  # no valley
+        return max(low, middle - half), min(high, middle + half)
     ends = []
     for side in (-1.0, 1.0):
         end = middle + side * half

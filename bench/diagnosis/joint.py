@@ -15,7 +15,7 @@ from sim.robot import PhysicalRobot
 
 from .contradiction import supply_contradiction
 from .fit import Fit, block_rms, estimate_noise, fit
-from .floor import ENGINE_RAD, noise_floor, tolerance
+from .floor import noise_floor, tolerance
 from .intervals import estimates
 from .journal import Journal
 from .knobs import SEEN, joint_effects
@@ -30,15 +30,11 @@ from .renewed import load_refresh
 from .result import Cause, Diagnosis, FitSummary
 from .rivals import contemporaries, rivals
 from .search import Progress, held_out, score_outside
-from .settling import settle
+from .settling import explained, is_structured, settle
 from .watch import Watch
 
 Floats = NDArray[np.float64]
 
-STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
-MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
-STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
-STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
 SIGNIFICANT = 0.05
 
 
@@ -86,7 +82,7 @@ def diagnose_joint(
         Kind.POSITION: tolerance(floor)
     }
     tell = watch.tell
-    settled = settle(model, judge if judged else None, before, effects, floors, watch)
+    settled = settle(model, judge if judged else None, before, effects, floor, floors, watch)
     after, taken, effects = settled.after, settled.taken, settled.effects
     rejected = list(settled.rejected)
     whole = score_outside(model, after) if len(taken) > 1 else []
@@ -110,7 +106,7 @@ def diagnose_joint(
                 scope=(observed[0].joint,),
                 parameters=estimates(model, after, gain.effect),
                 held_out_gain_nats=outside.nats / gain.inflation,
-                explained_share=_explained(judge, before, without, after, floor),
+                explained_share=explained(judge, before, without, after, floor),
                 probability=probability,
                 indistinguishable_from=tuple(close),
             )
@@ -127,7 +123,7 @@ def diagnose_joint(
     rest = remainder(judge, blocks, seed)
     left = block_rms(blocks, Kind.POSITION)
     unnamed = any(cause.effect not in seen for cause in in_data)
-    structured = unnamed or is_structured(rest, floor) or left > MISFIT * tolerance(floor)
+    structured = unnamed or is_structured(rest, left, floor)
     verdict = {
         (False, False): "consistent",
         (False, True): "unexplained",
@@ -187,25 +183,6 @@ def diagnose_joint(
         },
     )
     return JointFindings(diagnosis, model, before, after, judge)
-
-
-def is_structured(rest: Remainder, floor: float) -> bool:
-    """Whether a rest is predictable enough to be called unexplained."""
-    return bool(
-        rest.predicted_rad > np.hypot(STRUCTURE * floor, ENGINE_RAD)
-        and rest.share > STRUCTURE_SHARE
-        and rest.agreeing >= STRUCTURE_AGREEING
-    )
-
-
-def _explained(judge: JointModel, before: Fit, without: Fit, after: Fit, floor: float) -> float:
-    """Share of the squared misfit above the floor that an effect takes away."""
-    squares = []
-    for found in (before, without, after):
-        blocks = judge.residuals(found.hypothesis, [found.z])[0]
-        squares.append(block_rms(blocks, Kind.POSITION) ** 2)
-    explainable = max(squares[0] - floor**2, 1e-300)
-    return float(np.clip((squares[1] - squares[2]) / explainable, -1.0, 1.0))
 
 
 def _mismatch(

@@ -13,8 +13,9 @@ from .model import JointModel
 from .result import Rival
 from .search import Gain, Progress, confirm, drop, screen
 
-TRIED = 5  #: rivals that are fitted in an effect's place
+TRIED = 3  #: rivals that are fitted in an effect's place
 CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
+NONE = 0.03  #: that nothing of the catalogue is the cause, however well it fits; assumed
 TEMPER = 0.5  #: of gains, when they become probabilities: see docs on power
 
 
@@ -70,6 +71,7 @@ def _among(
     gains = {g.effect: g.nats / scale for g in tried}
     weights = {other: float(np.exp(TEMPER * min(0.0, g - own))) for other, g in gains.items()}
     total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, own)))
+    total /= 1.0 - NONE
     close = [
         Rival(other, (model.observed[0].joint,), weights[other] / total, own - gain)
         for other, gain in gains.items()

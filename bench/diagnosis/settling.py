@@ -6,17 +6,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from sim.effects import Effect
 
 from .fit import Fit, block_rms
+from .floor import ENGINE_RAD, tolerance
 from .model import JointModel, Kind
+from .remainder import Remainder, remainder
 from .search import HARM, Gain, Progress, drop, grow, inside
 from .veto import BEHIND, objection
 from .watch import Watch
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
+STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
+MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
+STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
+STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
+LITTLE = 0.25  #: share of a misfit that a name must explain, where much of it is left
 HARMFUL = "it makes recordings that were not used to fit worse"
 BETTER = "it explains far less than a cause that cannot be named"
+BESIDE = "it explains little of a misfit of which much is left"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +36,7 @@ class Denied:
     gain: Gain
     because: str
     needed: float = 0.0
+    again: bool = True  #: whether a search without it may find another
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +55,7 @@ def settle(
     judge: JointModel | None,
     before: Fit,
     effects: Mapping[str, Effect],
+    floor: float,
     floors: Mapping[Kind, float],
     watch: Watch,
 ) -> Settled:
@@ -60,6 +72,8 @@ def settle(
         if denied is None and judge is not None:
             denied = _denied(model, judge, after, taken, floors, watch.tell)
         if denied is None:
+            denied = _little(model, judge or model, before, after, taken, floor)
+        if denied is None:
             return Settled(after, taken, confirmed, effects, rejected)
         needed = max(needed, denied.needed)
         name = denied.gain.effect
@@ -67,7 +81,7 @@ def settle(
             {"effect": name, "gain_nats": float(denied.gain.deflated), "because": denied.because}
         )
         effects = {other: e for other, e in effects.items() if other != name}
-        if len(rejected) == 1 and watch.stopped is None:
+        if len(rejected) == 1 and denied.again and watch.stopped is None:
             after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
         else:
             after, *_ = drop(model, after, name)
@@ -113,3 +127,42 @@ def _denied(
     if not harms:
         return None
     return Denied(max(harms, key=lambda pair: pair[0])[1], HARMFUL)
+
+
+def _little(
+    model: JointModel,
+    judge: JointModel,
+    before: Fit,
+    after: Fit,
+    taken: Sequence[Gain],
+    floor: float,
+) -> Denied | None:
+    """A name that explains little, where much is left: the cause is another, or one more."""
+    blocks = judge.residuals(after.hypothesis, [after.z])[0]
+    left = block_rms(blocks, Kind.POSITION)
+    if not taken or not is_structured(remainder(judge, blocks), left, floor):
+        return None
+    for gain in taken[::-1]:
+        without, *_ = drop(model, after, gain.effect)
+        if explained(judge, before, without, after, floor) < LITTLE:
+            return Denied(gain, BESIDE, again=False)
+    return None
+
+
+def explained(judge: JointModel, before: Fit, without: Fit, after: Fit, floor: float) -> float:
+    """Share of the squared misfit above the floor that an effect takes away."""
+    squares = []
+    for found in (before, without, after):
+        blocks = judge.residuals(found.hypothesis, [found.z])[0]
+        squares.append(block_rms(blocks, Kind.POSITION) ** 2)
+    explainable = max(squares[0] - floor**2, 1e-300)
+    return float(np.clip((squares[1] - squares[2]) / explainable, -1.0, 1.0))
+
+
+def is_structured(rest: Remainder, left_rad: float, floor: float) -> bool:
+    """Whether a rest is predictable enough, or so large, that it is called unexplained."""
+    return left_rad > MISFIT * tolerance(floor) or bool(
+        rest.predicted_rad > np.hypot(STRUCTURE * floor, ENGINE_RAD)
+        and rest.share > STRUCTURE_SHARE
+        and rest.agreeing >= STRUCTURE_AGREEING
+    )
