@@ -12,9 +12,20 @@ from sim.effects import Effect
 
 from .fit import Fit, block_rms
 from .floor import ENGINE_RAD, tolerance
+from .intervals import NORMAL, Spread
 from .model import JointModel, Kind
 from .remainder import Remainder, remainder
-from .search import HARM, Gain, Progress, drop, grow, inside
+from .search import (
+    HARM,
+    HELD_OUT,
+    Gain,
+    Progress,
+    drop,
+    grow,
+    held_out,
+    inside,
+    score_outside,
+)
 from .veto import BEHIND, objection
 from .watch import Watch
 
@@ -26,6 +37,8 @@ STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
 LITTLE = 0.25  #: share of a misfit that a name must explain, where much of it is left
 HARMFUL = "it makes recordings that were not used to fit worse"
 BETTER = "it explains far less than a cause that cannot be named"
+NOTHING = "its interval holds a size of nothing"
+ALONE = "beside the others it gains nothing on recordings left out"
 BESIDE = "it explains little of a misfit of which much is left"
 
 
@@ -71,6 +84,8 @@ def settle(
         denied = _objected(model, after, taken, effects, needed)
         if denied is None and judge is not None:
             denied = _denied(model, judge, after, taken, floors, watch.tell)
+        if denied is None:
+            denied = _unsure(model, after, taken, floors)
         if denied is None:
             denied = _little(model, judge or model, before, after, taken, floor)
         if denied is None:
@@ -127,6 +142,32 @@ def _denied(
     if not harms:
         return None
     return Denied(max(harms, key=lambda pair: pair[0])[1], HARMFUL)
+
+
+def _unsure(
+    model: JointModel, after: Fit, taken: Sequence[Gain], floors: Mapping[Kind, float]
+) -> Denied | None:
+    """A name of several that gains nothing beside the others, or whose size may be nothing."""
+    if not taken:
+        return None
+    deviations = np.sqrt(Spread(model, after).variances()[len(model.nuisances) :])
+    sizes = after.z[len(model.nuisances) :]
+    for gain in taken[::-1]:
+        sure = [
+            abs(z) > NORMAL * deviation
+            for knob, z, deviation in zip(after.hypothesis.knobs, sizes, deviations, strict=True)
+            if knob.effect == gain.effect and not knob.parameter.shape
+        ]
+        if not any(sure):
+            return Denied(gain, NOTHING, again=False)
+    if len(taken) > 1:
+        whole = score_outside(model, after)
+        for gain in taken[::-1]:
+            without, *_ = drop(model, after, gain.effect)
+            outside = held_out(score_outside(model, without), whole, floors)
+            if outside.nats / gain.inflation < HELD_OUT:
+                return Denied(gain, ALONE, again=False)
+    return None
 
 
 def _little(
