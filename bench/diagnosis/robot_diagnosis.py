@@ -143,6 +143,12 @@ class _Work:
         self.square(found.base, self.which)
         return mismatch(self.model, found.base, self.which)
 
+    def _outside(self, found: RobotFit) -> float:
+        """What a fit costs on recordings that it has not seen [nats]."""
+        self.model.recentre(found.settings, found.nuisances, self.judges)
+        blocks = self.search.sight.blocks(found.names, found.z, self.judges)
+        return self.search.sight.cost(blocks, found.noise)
+
     @property
     def _floor_square(self) -> float:
         extra = [
@@ -187,9 +193,14 @@ class _Work:
         before, floor = self.square(found.base, self.judges), self._floor_square
         left = self.square(after, self.judges)
         for gain in taken:
-            bare = self.square(self.search.sight.without(after, gain.name), self.judges)
+            without = self.search.sight.without(after, gain.name)
+            bare = self.square(without, self.judges)
             explained = (bare - left) / max(before - floor, 1e-30)
-            held_out = gain.deflated if gain.held_out is None else gain.held_out / gain.inflation
+            held_out = gain.deflated
+            if gain.held_out is not None:
+                held_out = gain.held_out / gain.inflation
+            elif self.held_out:
+                held_out = (self._outside(without) - self._outside(after)) / gain.inflation
             cause = cause_of(
                 self.search, found, gain, after, float(np.clip(explained, -1.0, 1.0)), held_out
             )

@@ -100,3 +100,13 @@ def test_where_there_is_no_gait_windows_of_time_take_its_place():
     bins = Bins.of_time(t, 1.0)
     assert (bins.bin[t < 0.99] == -1).all()
     assert bins.mean(t) == pytest.approx(bins.t_s, abs=0.011)
+
+
+def test_samples_outside_of_a_span_lie_in_no_bin():
+    t, _, told = goals()
+    bins = Bins.of_phase(gait_phase(told, marvin()), t)
+    some = bins.within(t, (3.0, 4.0))
+    inside = (t >= 3.0) & (t <= 4.0)
+    assert (some.bin[inside] == bins.bin[inside]).all()
+    assert (some.bin[~inside] == -1).all()
+    assert some.counts.sum() == inside.sum()

@@ -6,7 +6,13 @@ from walking_robots import believed, marvin, recorded_walk, walked
 
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_features import Features
-from bench.diagnosis.robot_nuisances import nuisances, trials
+from bench.diagnosis.robot_nuisances import (
+    READ,
+    nuisances,
+    replayable,
+    trials,
+    with_nuisances,
+)
 from bench.diagnosis.robot_replay import Jitter, course, loaded, play
 from bench.recording import Recording, RecordingError
 
@@ -85,3 +91,29 @@ def test_every_nuisance_has_its_trial():
         assert nuisance.deviation > 0.0
     for trial in trials(robot):
         assert trial.change(robot, trial.size) != robot
+
+
+def test_a_replay_from_the_middle_is_soon_where_the_whole_one_is(plain):
+    features = Features.of(walked(), marvin())
+    short = play(believed(), walked(), span=features.span)
+    assert short.from_s == features.span[0] > 0.0
+    apart = features.of_track(short)[0] - features.of_track(plain)[0]
+    assert np.sqrt(np.mean(apart**2)) < 0.5 * walked().quantum_rad
+
+
+def test_nuisances_of_a_replay_are_those_it_can_have():
+    every = nuisances(believed(), 0.005)
+    ones = np.ones(len(every))
+    able = {n.name.split()[0] for n, x in zip(every, replayable(every, ones), strict=True) if x}
+    assert able == {n.name.split()[0] for n in every} - READ
+    early = dict(zip([n.name for n in every], replayable(every, -ones), strict=True))
+    assert early["late"] == 0.0
+    assert with_nuisances(believed(), every, np.zeros(len(every)).tolist()) == believed()
+
+
+def test_a_joints_own_nuisance_is_on_that_joint_alone():
+    every = nuisances(believed(), 0.005)
+    z = [float(n.name == "torque leg2.femur") for n in every]
+    changed = with_nuisances(believed(), every, z)
+    own = [j.name for j, k in zip(changed.joints, believed().joints, strict=True) if j != k]
+    assert own == ["leg2.femur"]

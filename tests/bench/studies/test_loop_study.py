@@ -1,0 +1,54 @@
+import pytest
+
+from bench.diagnosis.robot_judging import rmse_rad
+from bench.motions import WalkPlan
+from bench.studies.loop import FITTED, JUDGING, UNSEEN, compared, emulated, hidden, lines
+from bench.studies.stance_runs import Cause
+from busemu.tables import load_robot
+
+SECONDS = 1.0
+
+
+@pytest.fixture(scope="module")
+def walked():
+    return emulated(load_robot("marvin"), WalkPlan(SECONDS), "walk")
+
+
+def test_a_walk_is_no_way_off_itself(walked):
+    robot = load_robot("marvin")
+    same = compared(robot, walked.recording, walked.recording)
+    assert rmse_rad([same]) == 0.0
+    assert len(same.modelled_rad) == len(robot.servos)
+
+
+def test_the_same_program_walks_the_same_again_and_another_robot_otherwise(walked):
+    robot = load_robot("marvin")
+    again = emulated(robot, WalkPlan(SECONDS), "again")
+    assert again.travelled_m == walked.travelled_m
+    heavy = emulated(robot, WalkPlan(SECONDS, payload_kg=0.3), "heavy")
+    assert rmse_rad([compared(robot, walked.recording, heavy.recording)]) > 0.0
+
+
+def test_nobody_has_seen_the_walk_that_judges_the_loop():
+    seen = [*FITTED.values(), *JUDGING.values()]
+    assert UNSEEN not in seen
+    assert {(p.v_left, p.v_right) for p in seen}.isdisjoint({(UNSEEN.v_left, UNSEEN.v_right)})
+
+
+def test_what_is_hidden_is_in_the_key():
+    told = hidden(1).told()
+    assert hidden(1).cause is Cause.BOTH
+    assert told["tips_n_m"] > 0.0
+    assert told["joints_rad_nm"] > 0.0
+
+
+def test_the_result_in_words_has_all_numbers():
+    result = {
+        "causes": [{"effect": "foot_compliance", "scope": ["leg1", "leg2"]}],
+        "rmse_rad": {"before": 0.012, "after": 0.004, "floor": 0.003},
+        "travelled_m": {"real": 0.5, "before": 0.6, "after": 0.51},
+        "seconds": 5.0,
+    }
+    told = " ".join(lines(result))
+    for word in ("foot_compliance of 2", "12.00 mrad", "4.00", "3.00", "0.500", "0.600", "0.510"):
+        assert word in told
