@@ -227,13 +227,13 @@ class Frame:
 
 
 def _each_us(act: Callable[[bytes], object], batches: list[list[bytes]]) -> float:
-    """Time of one call [us]: the median over batches."""
+    """Processor time of one call [us], so that other work does not count: median over batches."""
     times = []
     for batch in batches:
-        start = time.perf_counter()
+        start = time.process_time()
         for frame in batch:
             act(frame)
-        times.append((time.perf_counter() - start) / len(batch))
+        times.append((time.process_time() - start) / len(batch))
     return statistics.median(times) * US
 
 

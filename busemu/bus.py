@@ -171,8 +171,9 @@ class Bus:
 
     def _hears(self, servo: Servo, now_s: float) -> bool:
         """Whether a servo can read the host's bytes: awake, and at its baud rate."""
-        return (
-            servo.listens(now_s) and abs(self.baud_rate / servo.baud_rate - 1.0) <= BAUD_TOLERANCE
+        return servo.listens(now_s) and (
+            self.baud_rate == servo.baud_rate
+            or abs(self.baud_rate / servo.baud_rate - 1.0) <= BAUD_TOLERANCE
         )
 
     def _listening(self, now_s: float) -> list[Servo]:

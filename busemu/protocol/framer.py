@@ -71,6 +71,8 @@ class _Wire:
     whole: Callable[[bytes], Packet | None]
 
 
+#: Made once: a union written where it is used is made anew for every packet.
+_SOUND = InstructionPacket | StatusPacket
 #: So many different frames of each wire are remembered, with what they say.
 REMEMBERED = 1024
 #: Frames of more bytes are not.
@@ -87,10 +89,13 @@ def _whole(
     @lru_cache(REMEMBERED)
     def whole(data: bytes) -> Packet | None:
         match = complete.match(data)
-        if match is None or match.end() + length_before(data, match.end()) != len(data):
+        if match is None:
+            return None
+        body = match.end()
+        if body + length_before(data, body) != len(data):
             return None
         packet = parse(data)
-        return packet if isinstance(packet, InstructionPacket | StatusPacket) else None
+        return packet if isinstance(packet, _SOUND) else None
 
     return whole
 

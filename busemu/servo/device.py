@@ -128,9 +128,10 @@ class Servo:
         self._now_s = max(self._now_s, now_s)
 
     def _hear(self) -> None:
-        """Note the ID and baud rate [bit/s] that the registers stand for; every packet asks."""
+        """Note what every packet asks of the registers: ID, baud rate [bit/s], what is answered."""
         code = self.memory["baud_rate"]
         self.servo_id = self.memory["id"]
+        self._status_return_level = self.memory["status_return_level"]
         self.baud_rate = self.table.baud_rates.get(code) or round(2_000_000 / (code + 1))
 
     @property
@@ -152,10 +153,9 @@ class Servo:
 
     def answers(self, instruction: int) -> bool:
         """Whether its status return level has it answer an instruction to it alone."""
-        level = self.memory["status_return_level"]
         if instruction == Instruction.PING:
             return True
-        return level >= (1 if instruction in READING else 2)
+        return self._status_return_level >= (1 if instruction in READING else 2)
 
     def status(self, refusal: Refusal | None = None, parameters: bytes = b"") -> StatusPacket:
         """A status packet of this servo as it is now."""

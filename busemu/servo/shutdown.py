@@ -62,6 +62,8 @@ class Protection:
 
     def coded(self) -> int:
         """The alarms as bits of the model's ``shutdown`` register."""
+        if not self.alarms:
+            return 0
         return sum(bit for alarm, bit in self._bits.items() if alarm in self.alarms)
 
     def raise_alarm(self, alarm: Alarm) -> None:
