@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from busemu.tables import Robot
+from sim.drive import kernel
 from sim.effects import Effect
 from sim.robot import PhysicalRobot
 
@@ -271,8 +272,11 @@ def _limits(
         said.append(
             f"{len(groups)} groups of recordings: what holds for one motion may not for another"
         )
+    first = model.observed[0].replay.start
     if all(
-        abs(o.replay.start[7] - model.observed[0].replay.start[7]) < 1e-9 for o in model.observed
+        o.replay.start[kernel.MODE] == kernel.MODE_POSITION
+        and abs(o.replay.start[kernel.GAIN_CW] - first[kernel.GAIN_CW]) < 1e-9
+        for o in model.observed
     ):
         said.append("one position gain in all recordings: gain and torque are hard to tell apart")
     far = [n.name for n, x in zip(model.nuisances, after.z, strict=False) if abs(float(x)) > 3.0]

@@ -66,23 +66,30 @@ def headline(diagnosis: Diagnosis) -> str:
             "that these recordings could show."
         )
     if diagnosis.verdict == "unexplained":
+        way = "in a way that repeats" if _repeats(diagnosis) else "by more than noise"
         return (
-            f"The recordings differ from the model{at} in a way that repeats, and no effect of "
-            "the catalogue explains it. No cause is named."
+            f"The recordings differ from the model{at} {way}, and no effect of the catalogue "
+            "explains it. No cause is named."
         )
+    rest = "that repeats" if _repeats(diagnosis) else "larger than noise"
     told = f"The recordings differ from the model{at}."
     if worse(diagnosis):
         plain_names = joined(named(cause) for cause in diagnosis.causes)
         told += f" {sentence(plain_names)[:-1]} fits some of them and does not hold on the others."
         if diagnosis.verdict == "explained":
             return told
-        return f"{told} Something that repeats is left, and no effect of the catalogue explains it."
+        return f"{told} Something {rest} is left, and no effect of the catalogue explains it."
     if diagnosis.verdict == "explained":
         return f"{told} What explains it: {names}."
     return (
-        f"{told} Part of it: {names}. Something else that repeats is left, and no effect of the "
+        f"{told} Part of it: {names}. Something else {rest} is left, and no effect of the "
         "catalogue explains it."
     )
+
+
+def _repeats(diagnosis: Diagnosis) -> bool:
+    """Whether recordings agree about something that is left."""
+    return any(float(u.get("share", 1.0)) > 0.0 for u in diagnosis.unexplained)
 
 
 def _with_rivals(cause: Cause) -> str:
@@ -198,10 +205,11 @@ def remains(unexplained: Mapping[str, Any]) -> str:
     where = joined(phase(name) for name in unexplained.get("where", ()))
     share, size = unexplained.get("share"), unexplained.get("predictable_rad")
     told = joined(unexplained.get("joints", ())) or "somewhere"
-    if size is not None:
+    if share is not None and share <= 0.0:
+        told += ": what is left is more than noise, and the recordings do not agree about it"
+    elif size is not None:
         told += f": {degrees(size)} of what is left could be foretold"
-    if share is not None:
-        told += f", {percent(share)} of its square"
+        told += f", {percent(share)} of its square" if share is not None else ""
     if where == EVERYWHERE:
         told += "; everywhere in the motion"
     else:

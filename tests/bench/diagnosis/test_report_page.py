@@ -14,7 +14,13 @@ from rich.console import Console
 from bench.diagnosis.report import Origin, Trace, report_page, write_report
 from bench.diagnosis.report import page as page_module
 from bench.diagnosis.report.pictures import CLOSE_S, MOST_JOINTS, regime_picture, worst_stretch
-from bench.diagnosis.report.telling import cautions, channel_finding, unfinished
+from bench.diagnosis.report.telling import (
+    cautions,
+    channel_finding,
+    headline,
+    remains,
+    unfinished,
+)
 from bench.diagnosis.report.traces import typical, worst
 from bench.diagnosis.report.words import meaning
 from bench.diagnosis.result import (
@@ -356,3 +362,13 @@ def test_a_search_that_was_not_done_is_told_on_top(details, late):
     diagnosis = replace(FOUND, details=details)
     assert unfinished(diagnosis) is late
     assert any("The time was used up" in told for told in cautions(diagnosis)) is late
+
+
+@pytest.mark.parametrize("verdict", ["unexplained", "partly_explained"])
+@pytest.mark.parametrize(("share", "repeats"), [(0.3, True), (0.0, False), (-0.5, False)])
+def test_what_no_recording_foretells_of_another_is_not_said_to_repeat(verdict, share, repeats):
+    left = dict(FOUND.unexplained[0]) | {"share": share}
+    diagnosis = replace(FOUND, verdict=verdict, unexplained=(left,))
+    assert ("repeats" in headline(diagnosis)) is repeats
+    assert ("could be foretold" in remains(left)) is repeats
+    assert ("do not agree" in remains(left)) is not repeats
