@@ -267,7 +267,7 @@ def _fitted(
     count = len(model.nuisances)
     best: Fit | None = None
     for _ in range(rounds):
-        z = _least_squares(model, hypothesis, z, noise, which, (low, high), evaluations)
+        z = least_squares(model, hypothesis, z, noise, which, (low, high), evaluations)
         blocks = model.residuals(hypothesis, [z], which)[0]
         noise = estimate_noise(model, blocks, noise)
         costs = block_costs(blocks, noise)
@@ -285,7 +285,7 @@ def _fitted(
     return best
 
 
-def _least_squares(
+def least_squares(
     model: JointModel,
     hypothesis: Hypothesis,
     start: Floats,

@@ -17,21 +17,19 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from busemu.tables import Robot
 from sim.effects import Effect, Parameter, Scope, effect
 from sim.model import Addition, Estimate, with_additions
 
-from .fit import bounds, estimate_noise, linearise
+from .fit import bounds, estimate_noise, least_squares
 from .joint import JointFindings
 from .knobs import Nuisance
-from .noise import CLIP
 
 Floats = NDArray[np.float64]
 
 SHARED = (Scope.ROBOT, Scope.BUS)  #: scopes of what an arm has once
-STEPS = 3  #: of least squares, from a fit whose other numbers are where they belong
+ROUNDS, STEPS = 2, 4  #: of least squares, from a fit whose other numbers are where they belong
 #: nuisances as effects: the effect and its parameter
 PLACES = {
     "torque_constant": ("torque_constant", "scale"),
@@ -151,18 +149,9 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
 def _settled(found: JointFindings, z: Floats, low: Floats, high: Floats) -> Floats:
     """Least squares within bounds, from a fit that had other ones."""
     model, hypothesis = found.model, found.after.hypothesis
-    count = len(model.nuisances)
-    free = np.flatnonzero(low < high)
-    for _ in range(STEPS):
+    for _ in range(ROUNDS):
         noise = estimate_noise(model, model.residuals(hypothesis, [z])[0], found.after.noise)
-        residual, jacobian = linearise(model, hypothesis, z, noise)
-        weight = np.sqrt(np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP)))
-        priors = np.eye(len(z))[free[free < count]]
-        rows = np.concatenate([weight[:, None] * jacobian[:, free], priors[:, free]])
-        wanted = -np.concatenate([weight * residual, priors @ z])
-        box = (low[free] - z[free] - 1e-12, high[free] - z[free] + 1e-12)
-        z = z.copy()
-        z[free] = np.clip(z[free] + lsq_linear(rows, wanted, box).x, low[free], high[free])
+        z = least_squares(model, hypothesis, z, noise, None, (low, high), STEPS)
     return z
 
 

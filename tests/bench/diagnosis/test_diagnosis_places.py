@@ -188,7 +188,7 @@ def test_halves_of_a_single_recording_judge_each_other():
     single = model_of(logs(motions=["fast"]))
     rest = remainder(single, planted(single, lambda one, random: 5.0 * noise(one, random)))
     assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD)
-    assert is_structured(remainder(single, planted(single, sticking)), FLOOR_RAD)
+    assert is_structured(remainder(single, planted(single, sticking)), FLOOR_RAD, FLOOR_RAD)
 
 
 def test_a_rest_that_has_no_place_is_everywhere(model):
