@@ -9,7 +9,7 @@ from bench.diagnosis.intervals import NORMAL, REACH, Spread, estimates, interval
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.search import Gain
-from bench.diagnosis.settling import BETTER, _objected
+from bench.diagnosis.settling import BESIDE, BETTER, NOTHING, _little, _objected, _unsure
 from bench.diagnosis.valleys import explore
 from bench.diagnosis.veto import objection
 from sim.effects import effect
@@ -145,3 +145,27 @@ def test_what_explains_far_less_than_a_name_taken_back_is_not_named():
     assert _objected(model, found, [gain], EVERY, needed=10.0) is None
     denied = _objected(model, found, [gain], EVERY, needed=30.0)
     assert denied.because == BETTER
+
+
+@pytest.mark.parametrize(("ratio", "unsure"), [(0.0, True), (0.3, False)])
+def test_a_size_that_may_as_well_be_nothing_is_no_name(ratio, unsure):
+    model, found = fitted("load_friction", {"ratio": ratio}, [0.05])
+    denied = _unsure(model, found, [gain_of("load_friction", found)], {})
+    assert (denied is not None) is unsure
+    if denied is not None:
+        assert denied.because == NOTHING
+        assert not denied.again
+
+
+def test_a_name_that_explains_little_is_taken_back_only_where_much_is_left():
+    planted = {"dead_zone": {"margin_rad": 0.05}, "load_friction": {"ratio": 0.05}}
+    model = model_of(logs(planted))
+    before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    hypothesis = Hypothesis(effect_knobs(effect("load_friction")))
+    after = fit(model, hypothesis, np.append(before.z, 0.5))
+    gain = gain_of("load_friction", after)
+    floor = model.observed[0].position.quantum / np.sqrt(12.0)
+    denied = _little(model, model, before, after, [gain], floor)
+    assert denied.because == BESIDE
+    assert _little(model, model, before, after, [gain], 1.0) is None
+    assert _little(model, model, before, after, [], floor) is None
