@@ -5,6 +5,7 @@ They join the command line by name; heavy parts are imported when a command runs
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import time
@@ -21,7 +22,7 @@ from .traffic.explain import Explainer, Tables, brief, long
 from .traffic.follow import Follower, read_trace
 from .traffic.hextext import HexError
 from .traffic.tally import Tally
-from .traffic.traceline import TraceError
+from .traffic.traceline import Header, TraceError
 
 if TYPE_CHECKING:
     from .traffic.monitor import Monitor
@@ -117,7 +118,7 @@ def decode(
         for source in sources(what or []):
             if not isinstance(source, bytes):
                 decode_trace(
-                    source, lambda name: tables or _tables_of(name), shown, brief_ is not False
+                    source, lambda header: tables or _tables_of(header), shown, brief_ is not False
                 )
                 continue
             explainer = Explainer(protocols[protocol], tables)
@@ -164,7 +165,7 @@ def monitor(
     from .traffic.monitor import Monitor
 
     tables = _tables_or_fail(robot)
-    view = Monitor(Tally(lambda name: tables or _tables_of(name)), servo)
+    view = Monitor(Tally(lambda header: tables or _tables_of(header)), servo)
     try:
         if once:
             _snapshot(view, trace, packets)
@@ -228,9 +229,9 @@ def _tables_or_fail(robot: str | None) -> Tables | None:
         fail(error)
 
 
-def _tables_of(robot: str) -> Tables:
+def _tables_of(header: Header) -> Tables:
     """The control tables of the robot that a trace names; none if it is not to be found."""
-    try:
-        return Tables(load_robot(robot).tables)
-    except (RobotError, TableError):
-        return Tables()
+    for name in (header.file, header.robot):
+        with contextlib.suppress(RobotError, TableError):
+            return Tables(load_robot(name).tables)
+    return Tables()

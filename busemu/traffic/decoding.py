@@ -48,11 +48,14 @@ class Shown:
 
 
 def decode_trace(
-    entries: Iterable[Entry | None], tables_of: Callable[[str], Tables], shown: Shown, short: bool
+    entries: Iterable[Entry | None],
+    tables_of: Callable[[Header], Tables],
+    shown: Shown,
+    short: bool,
 ) -> None:
     """Explain the entries of a trace, packet by packet, each with its times.
 
-    `tables_of` gives the control tables of a robot by its name; `short` is one line a packet.
+    `tables_of` gives the control tables of the robot that a header names; `short` is one line a packet.
     """
     header, explainer, before_s = Header(), Explainer(), None
     dropped = damaged = 0
@@ -60,7 +63,7 @@ def decode_trace(
         if isinstance(entry, Header):
             if entry != header:
                 header, before_s = entry, None
-                explainer = Explainer(header.protocol, tables_of(header.robot))
+                explainer = Explainer(header.protocol, tables_of(header))
                 shown.lines([((_title(header), "title"),), ((COLUMNS, "note"),)])
         elif isinstance(entry, Record):
             lead = _lead(entry, header, before_s)

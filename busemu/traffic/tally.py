@@ -92,10 +92,10 @@ class _Rates:
 class Tally:
     """Adds up the entries of a trace, in order; a server that starts again begins a new account.
 
-    `tables_of` finds the control tables of a robot by its name.
+    `tables_of` finds the control tables of the robot that a header names.
     """
 
-    def __init__(self, tables_of: Callable[[str], Tables]) -> None:
+    def __init__(self, tables_of: Callable[[Header], Tables]) -> None:
         self._tables_of = tables_of
         self.header = Header()
         self.starts = 0  #: how often a server has begun to write
@@ -103,7 +103,7 @@ class Tally:
 
     def _begin(self, header: Header) -> None:
         self.header = header
-        tables = self._tables_of(header.robot) if header.robot else Tables()
+        tables = self._tables_of(header)
         self._explainer = Explainer(header.protocol if self.starts else None, tables)
         self._rates = _Rates()
         self._asked: _Asked | None = None

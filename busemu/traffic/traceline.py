@@ -30,7 +30,10 @@ class TraceError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """Whose trace it is; `wall_s` is the time of day [s since 1970] at `clock_s` [s]."""
+    """Whose trace it is; `wall_s` is the time of day [s since 1970] at `clock_s` [s].
+
+    `file` is what the robot was loaded from, on the machine that wrote the trace.
+    """
 
     robot: str = ""
     protocol: float = 2.0
@@ -38,6 +41,7 @@ class Header:
     timing: str = ""
     clock_s: float = 0.0
     wall_s: float = 0.0
+    file: str = ""
 
     def line(self) -> str:
         """The header as a line of the file, with its line break."""
@@ -105,6 +109,7 @@ def parse_line(line: str) -> Entry | None:
             str(fields["timing"]),
             float(fields["clock_s"]),
             float(fields["wall_s"]),
+            str(fields.get("file", "")),
         )
     except (ValueError, KeyError, TypeError):
         return None

@@ -26,7 +26,8 @@ class Tracing:
         Raises :class:`TraceError` with one line for the user.
         """
         now_s, wall_s = time.monotonic(), time.time()
-        header = Header(robot.name, robot.protocol, robot.baud_rate, timing, now_s, wall_s)
+        file = str(robot.path.absolute() if robot.path.is_file() else robot.path)
+        header = Header(robot.name, robot.protocol, robot.baud_rate, timing, now_s, wall_s, file)
         self.log = WireLog(path, header, round(size_mb * 1e6))
         self._stopped = False
 

@@ -18,6 +18,7 @@ from pty_server import serving, until
 
 from busemu.cli import app
 from busemu.see import decode, monitor
+from busemu.serving import Wanted, opened
 from busemu.trace import WireEvent, WireEventKind
 from busemu.traffic.follow import read_trace
 from busemu.traffic.traceline import Header, Record
@@ -166,6 +167,23 @@ def test_a_damaged_line_is_passed_over_and_told(trace):
     random.Random(1).shuffle(memoryview(data)[400:460])
     trace.write_bytes(data)
     assert "damaged line" in busemu("decode", trace).stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize("own_file", [True, False])
+def test_a_trace_of_servos_of_ones_own_names_their_registers(tmp_path, own_file):
+    robot, trace = "XL-320:1", tmp_path / "t"
+    if own_file:
+        robot = str(tmp_path / "mine.toml")
+        wiring = '[bus]\nprotocol = 2.0\nbaud_rate = 1000000\nservo_model = "XL-320"\n'
+        servo = '[[servo]]\nid = 1\njoint = "a"\n'
+        Path(robot).write_text(f'format = "busemu-robot/1"\n{wiring}{servo}', "utf-8")
+    with opened([Wanted(robot, trace=trace)]) as (served,):
+        bus = served.assemble().bus
+        bus.receive(bytes.fromhex(READ), bus.plant_s + 0.01)
+        bus.poll(bus.plant_s + 1.0)
+    text = busemu("decode", trace).stdout
+    assert "read servo 1: present_position" in text
+    assert "servo 1: present_position" in busemu("monitor", trace, "--once").stdout
 
 
 def test_a_reader_that_has_had_enough_gets_no_error(trace):
