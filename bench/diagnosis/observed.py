@@ -21,6 +21,7 @@ from .posture import recorded_posture
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+LOAD = "present_load"  #: the duty, of some models with its sign exchanged
 TURN_RAD = 2.0 * np.pi
 DUTY = "foreign/goal_duty"  #: namespace of a duty that no register holds, share of full duty
 LEAST_SAMPLES = 20  #: below this a recording says nothing about a joint
@@ -149,6 +150,8 @@ def _observe(
             if (servo_id, register, "read") in recording.by_series:
                 times, values = recording.si(servo_id, register, "read")
                 if len(times):
+                    if register == LOAD:
+                        values = values * float(table.drive.get("load_sign", 1.0))
                     quantum = abs(table[register].si_scale)
                     series[channel] = (register, times, values, quantum)
                     break

@@ -37,6 +37,7 @@ class JointWheel:
         self._wheel_is_pwm = drive.get("wheel_mode") == "pwm"
         self._stall_current_a = float(drive.get("stall_current_a", math.inf))
         self._load_refresh_s = float(drive.get("load_refresh_s", 0.0))
+        self._load_sign = float(drive.get("load_sign", 1.0))
         self._load_due_s = 0.0
         self._power_s = 0.0
         self.quick = self._sensors()
@@ -215,7 +216,7 @@ class JointWheel:
     def idle(self, state: ServoState, now_s: float, silent_s: float) -> bool:
         """Renew ``present_load``, made from the controller's output, at the model's own pace."""
         if now_s >= self._load_due_s - TICK_ROUNDING_S:
-            self._memory.show("present_load", state.duty)
+            self._memory.show("present_load", self._load_sign * state.duty)
             self._load_due_s = now_s + self._load_refresh_s
         return False
 

@@ -191,6 +191,15 @@ def test_load_is_the_duty_with_its_sign_in_bit_10(model: str, duty: float, raw: 
     assert bench.get("present_load") == pytest.approx(raw, abs=1)
 
 
+def test_the_load_of_an_sts3215_has_its_sign_exchanged() -> None:
+    """Public logs: positive while the servo drives to smaller positions."""
+    bench, plant = on("STS3215:1-3")
+    plant.velocity_rad_s = 1.0
+    plant.duty = -0.25
+    bench.sleep(0.2)
+    assert bench.get("present_load") == pytest.approx(250, abs=1)
+
+
 @BOTH
 def test_load_is_made_from_the_position_error(model: str) -> None:
     """On the ideal plant, which knows no torque at all."""

@@ -22,6 +22,7 @@ from pendulum_logs import (
 from bench.diagnosis.commands import drive_commands, recording_baud_rate, supply_events
 from bench.diagnosis.observed import LEAST_SAMPLES, Channel, lonely, observe
 from bench.recording import Recording, RecordingError
+from busemu.tables import load_robot
 from sim.drive import kernel
 
 COUNTS_A_TURN = 4096
@@ -273,3 +274,16 @@ def test_a_joint_that_gathers_speed_begins_with_what_it_has():
         (one,) = observe([tracked(2048 + raw, np.full(40, 0.5))], robot(), JOINT)
         counts_s = one.replay.velocity_rad_s * COUNTS_A_TURN / (2.0 * math.pi)
         assert counts_s == pytest.approx(wanted, abs=150.0)
+
+
+def test_a_load_register_whose_sign_is_exchanged_is_the_duty_all_the_same():
+    """An STS3215 on its way up: the public logs show its load negative then."""
+    rig = load_robot("sts3215-lever")
+    table = rig.tables[5]
+    rows = []
+    for k in range(30):
+        rows.append(raw_access(0.1 * k, "read", POSITION, 2000 + 5 * k, 5))
+        raw = table["present_load"].encode(-76)
+        rows.append(raw_access(0.1 * k, "read", "present_load", raw, 5))
+    (one,) = observe([Recording.of(rows, {"name": "up", "robot": "sts3215-lever"})], rig, "lever")
+    assert one.channels[Channel.DUTY].value == pytest.approx(0.076)
