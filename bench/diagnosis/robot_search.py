@@ -30,7 +30,8 @@ PROMISING = 3.0  #: gain [nats] in the screening of those that are
 A_KIND = 2  #: of them at most so many places of one effect
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
-SETTLED = 5  #: times at most that exact replays and a fit take turns
+EXACT = 2  #: of the best gains that are replayed exactly
+SETTLED = 4  #: times at most that exact replays and a fit take turns
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 
 
@@ -121,7 +122,7 @@ class RobotSearch:
         try:
             for step in range(most):
                 gains = self._step(now, ranking, step)
-                chosen = self._first_that_holds(now, gains)
+                chosen = self._that_holds(now, gains)
                 tried.append(tuple(gains))
                 if chosen is None:
                     break
@@ -152,19 +153,24 @@ class RobotSearch:
         self.model.recentre(best.settings, best.nuisances, self.which)
         return best
 
-    def _first_that_holds(self, now: RobotFit, gains: list[RobotGain]) -> RobotGain | None:
-        """The best gain, if exact replays bear it out; it takes its place among the gains."""
-        for k, gain in enumerate(gains[:2]):
-            if not self._holds(gain):
+    def _that_holds(self, now: RobotFit, gains: list[RobotGain]) -> RobotGain | None:
+        """The gain that exact replays bear out best; those take their places among the gains."""
+        plain = self._left_out(now)
+        held = []
+        for k, gain in enumerate(gains[:EXACT]):
+            if gain.deflated < NEEDED:
                 continue
             self._say(f"replaying {gain.name} exactly")
             exact = self.settle(gain.fit)
-            held = replace(gain, fit=exact, nats=now.cost - exact.cost)
-            if self._holds(held):
-                gains[k] = held
-                return held
-            self.model.recentre(now.settings, now.nuisances, self.which)
-        return None
+            outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
+            gains[k] = replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
+            if self._holds(gains[k]):
+                held.append(gains[k])
+        gains.sort(key=lambda gain: -gain.deflated)
+        chosen = max(held, key=lambda gain: gain.deflated, default=None)
+        fit = now if chosen is None else chosen.fit
+        self.model.recentre(fit.settings, fit.nuisances, self.which)
+        return chosen
 
     def screen(self, now: RobotFit) -> Screen:
         """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""
@@ -213,23 +219,24 @@ class RobotSearch:
         costs = [sight.cost(sight.blocks(names, z), now.noise) for z in vectors]
         fitted = sight.fit(names, vectors[int(np.argmin(costs))], now.noise)
         wide = sight.inflation(fitted, one.name)
-        return RobotGain(one.name, fitted, now.cost - fitted.cost, wide, self._outside(now, fitted))
+        return RobotGain(one.name, fitted, now.cost - fitted.cost, wide, None)
 
-    def _outside(self, without: RobotFit, with_it: RobotFit) -> float | None:
-        """Gain [nats] on groups left out in turn, both fitted anew without them."""
+    def _left_out(self, found: RobotFit) -> float | None:
+        """What groups cost that are left out in turn [nats], fitted anew without them.
+
+        ``None`` where all recordings are of one group.
+        """
         groups: dict[str, list[int]] = {}
         for r in self.which:
             groups.setdefault(self.model.observed[r].group, []).append(r)
         if len(groups) < 2:
             return None
+        self.model.recentre(found.settings, found.nuisances, self.which)
         total, sight = 0.0, self.sight
         for part in groups.values():
             rest = [r for r in self.which if r not in part]
-            costs = []
-            for found in (without, with_it):
-                again = sight.fit(found.names, found.z, found.noise, rest, rounds=1)
-                costs.append(sight.cost(sight.blocks(found.names, again.z, part), again.noise))
-            total += costs[0] - costs[1]
+            again = sight.fit(found.names, found.z, found.noise, rest, rounds=1)
+            total += sight.cost(sight.blocks(found.names, again.z, part), found.noise)
         return total
 
     @staticmethod
