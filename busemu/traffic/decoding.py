@@ -55,7 +55,8 @@ def decode_trace(
 ) -> None:
     """Explain the entries of a trace, packet by packet, each with its times.
 
-    `tables_of` gives the control tables of the robot that a header names; `short` is one line a packet.
+    `tables_of` gives the control tables of the robot that a header names; `short` is one line a
+    packet.
     """
     header, explainer, before_s = Header(), Explainer(), None
     dropped = damaged = 0
