@@ -40,6 +40,10 @@ def assemble(
         ]
     except ValueError as error:
         raise RobotError(f"{robot.path}: [bus] baud_rate: {error}") from None
+    except KeyError as error:
+        raise RobotError(
+            f"{robot.path}: the table of a servo lacks what a servo needs: {error.args[0]}"
+        ) from None
     return Bus(
         servos,
         plant,

@@ -16,6 +16,7 @@ from typing import Any
 
 from .inherit import SERVOS, TableError, file_name, resolve
 from .register import Register, registers_of_row
+from .shape import check_shape
 from .toml_file import read_toml
 
 __all__ = ["ControlTable", "TableError", "load_table", "models", "parse_table"]
@@ -132,6 +133,7 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
     unknown = set(document) - _KEYS - _OPTIONAL
     if unknown:
         raise TableError(f"{path}: unknown key {', '.join(sorted(unknown))}")
+    check_shape(document, path)
     protocol = document["protocol"]
     if protocol not in INSTRUCTIONS:
         raise TableError(f"{path}: protocol must be 1.0 or 2.0, not {protocol!r}")
@@ -171,7 +173,7 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
 
 def _baud_rates(rows: Mapping[str, Any], path: Path) -> Mapping[int, int]:
     for code, rate in rows.items():
-        if not code.isdecimal() or not isinstance(rate, int) or rate <= 0:
+        if not code.isdecimal() or type(rate) is not int or rate <= 0:
             raise TableError(f"{path}: baud_rates: {code} = {rate}: a value and bits a second")
     return MappingProxyType({int(code): rate for code, rate in rows.items()})
 

@@ -43,6 +43,11 @@ def resolve(document: Mapping[str, Any], path: Path) -> dict[str, Any]:
 def _resolve(document: dict[str, Any], path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     rows = _named_rows(document, path)
     removed = document.pop("remove", [])
+    if not isinstance(removed, list | tuple) or not all(isinstance(r, str) for r in removed):
+        raise TableError(f"{path}: remove must be a list of register names, not {removed!r}")
+    for key in MERGED:
+        if not isinstance(document.get(key, {}), Mapping):
+            raise TableError(f"{path}: {key} must be a table, not {document[key]!r}")
     if "extends" not in document:
         if removed:
             raise TableError(f"{path}: remove needs extends: there is nothing to remove from")
@@ -79,7 +84,10 @@ def _base_path(name: Any, path: Path) -> Path:
 
 def _named_rows(document: Mapping[str, Any], path: Path) -> dict[str, dict[str, Any]]:
     rows: dict[str, dict[str, Any]] = {}
-    for row in document.get("register", []):
+    listed = document.get("register", [])
+    if not isinstance(listed, list | tuple) or not all(isinstance(row, Mapping) for row in listed):
+        raise TableError(f"{path}: register must be a list of tables: [{{ name = ... }}, ...]")
+    for row in listed:
         name = row.get("name")
         if not isinstance(name, str) or not name:
             raise TableError(f"{path}: register '?': needs a name: {row}")

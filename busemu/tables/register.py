@@ -33,6 +33,8 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
 ENCODINGS = ("unsigned", "signed", "sign_magnitude")
 ACCESSES = ("R", "RW")
 AREAS = ("EEPROM", "RAM")
+#: Addresses from 0 on that a packet can name: two bytes. Source: e-manual, protocol2.
+ADDRESSES = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,8 @@ def registers_of_row(row: Mapping[str, Any], path: Path) -> Iterator[Register]:
     if not isinstance(count, int) or count < 1:
         raise TableError(f"{path}: register {row.get('name', '?')!r}: count must be 1 or more")
     base = _register(row, path)
+    if base.address + count * base.size > ADDRESSES:
+        raise TableError(f"{path}: register {base.name!r}: count {count} goes beyond 65535")
     for index in range(count):
         numbered = {
             **row,
@@ -166,8 +170,8 @@ def _register(row: Mapping[str, Any], path: Path) -> Register:
         raise TableError(f"{where}: {problem or 'unknown key ' + ', '.join(sorted(unknown))}")
     if not isinstance(row["size"], int) or not 1 <= row["size"] <= 256:
         raise TableError(f"{where}: size must be 1 to 256 bytes")
-    if not isinstance(row["address"], int) or row["address"] < 0:
-        raise TableError(f"{where}: address must be 0 or more")
+    if not isinstance(row["address"], int) or not 0 <= row["address"] <= ADDRESSES - row["size"]:
+        raise TableError(f"{where}: address must be 0 or more, and its last byte at most at 65535")
     low, high = _range(row, where)
     row["allowed"] = tuple(row.get("allowed", ()))
     register = Register(minimum=low, maximum=high, **row)

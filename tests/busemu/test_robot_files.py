@@ -205,6 +205,22 @@ def test_servos_of_a_model_need_no_file(tmp_path: Path) -> None:
     assert servo.memory["model_number"] == 4242
 
 
+def test_table_that_lacks_what_a_servo_needs_is_refused(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    text = 'extends = "AX-12A"\nmodel = "Mine"\nmodel_number = 1\nremove = ["baud_rate"]\n'
+    mine.write_text(text, "utf-8")
+    robot = parse_robot(
+        {
+            "format": "busemu-robot/1",
+            "bus": {"protocol": 1.0, "baud_rate": 1_000_000, "servo_model": str(mine)},
+            "servo": [{"id": 1, "joint": "a"}],
+        },
+        HERE,
+    )
+    with pytest.raises(RobotError, match=r"mine.toml: .* no register 'baud_rate'"):
+        assemble(robot, ideal(robot), load_profile("ideal"))
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

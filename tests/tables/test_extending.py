@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,8 @@ LED = {"name": "led"}
         ({"register": [{**LED, "colour": 1}]}, ["'led'", "unknown key colour"]),
         ({"register": [{**LED, "initial": 2}]}, ["'led'", "initial 2"]),
         ({"register": [{**LED, "count": 0}]}, ["'led'", "count"]),
+        ({"register": [{**LED, "count": 10**9}]}, ["'led'", "count 1000000000", "65535"]),
+        ({"register": [{**LED, "address": 65536}]}, ["'led'", "address", "65535"]),
         ({"register": [{**LED, "allowed": [1]}]}, ["'led'", "initial 0"]),
         ({"register": [{**LED, "range": [-1, 1]}]}, ["'led'", "range -1 to 1"]),
         ({"protocol": 3.0}, ["protocol", "3.0"]),
@@ -105,6 +108,32 @@ def test_bad_file_is_refused_with_file_entry_and_rule(change: dict, parts: list[
         parse_table({**BARE, **change}, Path("mine.toml"))
     for part in ["mine.toml", *parts]:
         assert part in str(caught.value)
+
+
+ODD = ("", "x", -1, 10**9, True, 1.5, math.nan, [], [1], ["x"], {}, {"x": 1}, [{}])
+KEYS = ("model", "model_number", "protocol", "source", "register", "remove", "baud_rates", "drive",
+        "instructions", "extends")  # fmt: skip
+ROW_KEYS = ("name", "address", "size", "access", "area", "initial", "range", "allowed", "encoding",
+            "unit", "scale", "zero", "sign_bit", "since_firmware", "count", "first",
+            "initial_step")  # fmt: skip
+
+
+def taken_or_refused(document: dict[str, object]) -> str:
+    """Where the table is from, or why it is none; any other error fails the test."""
+    try:
+        return str(parse_table(document, Path("mine.toml")).path)
+    except TableError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("odd", ODD, ids=repr)
+def test_value_of_any_kind_anywhere_is_taken_or_refused_with_the_file(odd: object) -> None:
+    changes: list[dict[str, object]] = [{key: odd} for key in KEYS]
+    changes += [{"register": [{**LED, key: odd}]} for key in ROW_KEYS]
+    changes += [{"drive": {key: odd}} for key in load_table("AX-12A").drive]
+    changes += [{"instructions": {"ping": odd}}, {"baud_rates": {"1": odd}}]
+    for change in changes:
+        assert "mine.toml" in taken_or_refused({**BARE, **change}), change
 
 
 def test_remove_without_a_base_is_refused() -> None:
