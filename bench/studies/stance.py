@@ -10,6 +10,7 @@ joints of a third walk as well, under the other load.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -121,6 +122,11 @@ class Answer:
                 for step in found.tried
                 for g in step
             ],
+            "seen_from": {
+                s.name: model.placed[s.name].knob.value(s.floor_z)
+                for s in found.screened
+                if s.name in (*TIPS, *JOINTS) and math.isfinite(s.floor_z)
+            },
             "alike": {name: dict(pairs) for name, pairs in found.alike.items()},
             "rms_mrad": [1e3 * found.rms_before_rad, 1e3 * found.rms_after_rad],
         }

@@ -1,0 +1,46 @@
+from dataclasses import replace
+
+import pytest
+from walking_robots import marvin, walked
+
+from bench.diagnosis.journal import Journal
+from bench.diagnosis.robot_features import Features
+from bench.diagnosis.robot_pool import ROWS, Job, Replays
+
+SHORT = Job(0, short=True)
+
+
+@pytest.fixture(scope="module")
+def features():
+    return Features.of(walked(), marvin())
+
+
+def replays(features, folder):
+    return Replays(marvin(), [features], (), processes=1, journal=Journal(folder))
+
+
+@pytest.fixture(scope="module")
+def kept(features, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("journal")
+    with replays(features, folder) as first:
+        (outcome,) = first.run([SHORT])
+        assert first.count == 1
+    return folder, outcome
+
+
+def test_a_replay_that_was_kept_is_not_run_again_and_is_the_same_to_the_bit(features, kept):
+    folder, outcome = kept
+    with replays(features, folder) as second:
+        (again,) = second.run([SHORT])
+        assert second.count == 0
+    for name in ROWS:
+        assert (getattr(again, name) == getattr(outcome, name)).all()
+
+
+def test_a_replay_of_another_recording_is_another(features, kept):
+    folder, _ = kept
+    course = features.course
+    other = replace(course, condition=dict(course.condition) | {"trunk_load_kg": 0.1})
+    with replays(replace(features, course=other), folder) as second:
+        second.run([SHORT])
+        assert second.count == 1
