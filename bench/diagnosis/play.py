@@ -63,7 +63,7 @@ def play(observed: Sequence[Observed]) -> Play | None:
     rounding = max(o.position.quantum for o in observed) / np.sqrt(12.0)
     return Play(
         float(np.mean(kept[True]) - np.mean(kept[False])),
-        float(np.hypot(np.hypot(*errors), rounding)),
+        float(np.sqrt(sum(error**2 for error in errors) + rounding**2)),
         float(np.mean(pushed[True]) - np.mean(pushed[False])),
         sum(map(len, kept.values())),
     )

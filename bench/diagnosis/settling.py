@@ -12,6 +12,7 @@ from sim.effects import Effect
 
 from .fit import Fit, block_rms
 from .floor import ENGINE_RAD, tolerance
+from .growing import grow
 from .intervals import NORMAL, Spread
 from .model import JointModel, Kind
 from .remainder import Remainder, remainder
@@ -21,7 +22,6 @@ from .search import (
     Gain,
     Progress,
     drop,
-    grow,
     held_out,
     inside,
     score_outside,

@@ -8,12 +8,13 @@ import pytest
 from pendulum_logs import logs, robot
 
 from bench.diagnosis.fit import fit
+from bench.diagnosis.growing import grow
 from bench.diagnosis.journal import Journal, digest
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.noise import Noise
 from bench.diagnosis.observed import observe
-from bench.diagnosis.search import grow, screen
+from bench.diagnosis.search import screen
 from bench.diagnosis.watch import OutOfTimeError, Watch
 from sim.effects import effect
 from sim.model import read_model

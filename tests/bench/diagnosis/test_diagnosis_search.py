@@ -8,6 +8,7 @@ from pendulum_logs import DUTY, POSITION, logs, model_of
 
 from bench.diagnosis.fit import Score, fit
 from bench.diagnosis.floor import tolerance
+from bench.diagnosis.growing import grow, ranked
 from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.rivals import CLOSE, rivals
@@ -23,9 +24,7 @@ from bench.diagnosis.search import (
     NUMBER_NATS,
     Gain,
     folds,
-    grow,
     held_out,
-    ranked,
     screen,
     starts,
     vectors_to_try,

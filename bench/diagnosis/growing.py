@@ -1,0 +1,185 @@
+"""Which effects: taken one by one while they gain, and dropped again; what lacks another waits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sim.effects import Effect, catalogue
+
+from .fit import Fit, Score, fit
+from .knobs import effect_knobs
+from .model import JointModel, Kind
+from .search import (
+    HELD_OUT,
+    NEEDED,
+    NUMBER_NATS,
+    Gain,
+    Progress,
+    confirm,
+    drop,
+    held_out,
+    inside,
+    score_outside,
+    screen,
+)
+from .valleys import explore
+from .watch import OutOfTimeError
+
+SURE, CONFIRMED = 3, 6  #: how many of the screened effects are fitted in a step, at least, at most
+PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
+EXPLORED = 2  #: of the confirmed that are fitted further
+PLAIN = 80.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
+PROVISIONAL = 25.0  #: gain [nats, deflated] of an effect that may only lack another beside it
+LIKEWISE = 0.4  #: of such a gain that must be there on recordings not used to fit, too
+CLOSE = 6.0  #: nats (deflated) by which the second best may be behind, to be asked at all
+RELIEF = (
+    0.04  #: of the squared noise floor that it must take off the mean square of some kind there
+)
+
+
+def grow(
+    model: JointModel,
+    base: Fit,
+    effects: dict[str, Effect],
+    say: Progress,
+    floors: Mapping[Kind, float],
+    most: int = 4,
+) -> tuple[Fit, list[Gain], list[Gain]]:
+    """Take effects one by one while they gain; the fit, those taken, and all that were confirmed.
+
+    ``floors`` are the deviations of every kind that a perfect model would leave. After every step
+    effects that no longer gain are dropped. One that gains very much where it is fitted, but not on
+    recordings left out, may lack another beside it: then the search goes on, and all that it finds
+    is judged together. Where ``say`` is out of time, what was taken until then is given.
+    """
+    taken: list[Gain] = []
+    confirmed: list[Gain] = []
+    now = base
+    sure: tuple[Fit, list[Gain]] | None = None
+    try:
+        for step in range(most):
+            say(f"step {step + 1}: trying every effect")
+            left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
+            ranking = screen(model, now, left)
+            ranking = ranking[:SURE] + [r for r in ranking[SURE:CONFIRMED] if r[0] > PROMISING]
+            gains = []
+            for _, name, start in ranking:
+                say(f"step {step + 1}: fitting {name}")
+                gains.append(confirm(model, now, effects[name], start))
+            gains = further(model, now, ranked(gains), say)
+            confirmed += gains
+            chosen = _chosen(model, now, gains, floors, say)
+            if chosen is None and sure is None and _promising(model, now, gains, floors):
+                sure = now, list(taken)
+                chosen = gains[0]
+            if chosen is None:
+                break
+            now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
+            taken.append(chosen)
+            now, taken = prune(model, now, taken, say)
+        if sure is not None:
+            say("all that was found together, on recordings left out")
+            taken = _together(model, now, taken, floors)
+    except OutOfTimeError:
+        pass
+    if sure is not None and not all(gain.held_out for gain in taken):
+        now, taken = sure
+    return now, taken, confirmed
+
+
+def _chosen(
+    model: JointModel,
+    now: Fit,
+    gains: Sequence[Gain],
+    floors: Mapping[Kind, float],
+    say: Progress,
+) -> Gain | None:
+    """The best effect that gains on groups left out as well."""
+    without: list[Score] | None = None
+    for gain in gains[:2]:
+        if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
+            break
+        plainly = gain.deflated > PLAIN
+        if not plainly and inside(model, now, gain.fit, floors).relief < RELIEF:
+            continue
+        say(f"{gain.effect} on recordings left out")
+        without = without or score_outside(model, now)
+        outside = held_out(without, score_outside(model, gain.fit), floors)
+        nats = outside.nats / gain.inflation
+        if (nats > HELD_OUT and outside.relief > RELIEF) or (
+            plainly and nats > LIKEWISE * gain.deflated
+        ):
+            return replace(gain, held_out=outside)
+    return None
+
+
+def _promising(
+    model: JointModel, now: Fit, gains: Sequence[Gain], floors: Mapping[Kind, float]
+) -> bool:
+    """Whether the best effect gains so much where it is fitted that it may only lack another."""
+    return (
+        bool(gains)
+        and gains[0].deflated > PROVISIONAL
+        and inside(model, now, gains[0].fit, floors).relief > RELIEF
+    )
+
+
+def _together(
+    model: JointModel, now: Fit, taken: Sequence[Gain], floors: Mapping[Kind, float]
+) -> list[Gain]:
+    """What every effect of a set gains on groups left out beside the others; none if it fails."""
+    whole = score_outside(model, now)
+    checked = []
+    for gain in taken:
+        without, *_ = drop(model, now, gain.effect)
+        outside = held_out(score_outside(model, without), whole, floors)
+        holds = outside.nats / gain.inflation > HELD_OUT and outside.relief > RELIEF
+        checked.append(replace(gain, held_out=outside if holds else None))
+    return checked
+
+
+def further(model: JointModel, base: Fit, gains: Sequence[Gain], say: Progress) -> list[Gain]:
+    """Gains with the fits of the best effects of several numbers taken as deep as they go."""
+    found = []
+    for place, gain in enumerate(gains):
+        deeper = gain.fit
+        if place < EXPLORED and gain.deflated > NEEDED / 2.0:
+            say(f"fitting {gain.effect} further")
+            deeper = explore(model, gain.fit, gain.effect)
+        found.append(replace(gain, fit=deeper, nats=base.cost - deeper.cost))
+    return ranked(found)
+
+
+def ranked(gains: Sequence[Gain]) -> list[Gain]:
+    """Gains on one scale, the best first; of two that are close, the one with fewer numbers.
+
+    Gains of one step are divided by one inflation, the mean of those that gain anything: what is
+    compared is how far each follows the same recordings.
+    """
+    useful = [g.inflation for g in gains if g.nats > 0.0]
+    common = float(np.exp(np.mean(np.log(useful)))) if useful else 1.0
+    levelled = [replace(g, inflation=max(common, 1.0)) for g in gains]
+    return sorted(
+        levelled, key=lambda g: NUMBER_NATS * len(effect_knobs(catalogue()[g.effect])) - g.deflated
+    )
+
+
+def prune(model: JointModel, now: Fit, taken: list[Gain], say: Progress) -> tuple[Fit, list[Gain]]:
+    """Drop effects without which the rest does as well."""
+    while len(now.hypothesis.effects) > 1:
+        worst: tuple[float, str, Fit] | None = None
+        for name in now.hypothesis.effects:
+            say(f"doing without {name}")
+            without, nats, inflated = drop(model, now, name)
+            loss = nats / inflated
+            if worst is None or loss < worst[0]:
+                worst = (loss, name, without)
+        assert worst is not None
+        if worst[0] >= NEEDED:
+            return now, taken
+        now = worst[2]
+        taken = [gain for gain in taken if gain.effect != worst[1]]
+    return now, taken
