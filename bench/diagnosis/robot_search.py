@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .robot_features import RobotKind
 from .robot_fit import ENOUGH, RobotFit, Sight
 from .robot_model import RobotModel
-from .robot_screen import ALIKE, Screen, Screened
+from .robot_screen import Screen, Screened
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
@@ -271,9 +271,3 @@ class RobotSearch:
         blocks = self.model.residuals(found.names, found.z, self.which)
         rows = [b.value for k, b in blocks.items() if k[1] is RobotKind.JOINTS]
         return float(np.sqrt(np.mean(np.concatenate(rows) ** 2)))
-
-
-def indistinguishable(screen: Screen, names: Sequence[str]) -> list[tuple[str, str, float]]:
-    """Pairs of effects that data cannot tell apart, with the cosine, the most alike first."""
-    pairs = [(a, b, screen.cosine(a, b)) for i, a in enumerate(names) for b in names[i + 1 :]]
-    return sorted((p for p in pairs if abs(p[2]) > ALIKE), key=lambda p: -abs(p[2]))
