@@ -1,5 +1,6 @@
 # make demo   a hexapod walks over an emulated bus, and leaves a folder of results
-# make test   all tests
+# make test   all tests but the slowest
+# make slow   the slowest: diagnoses from end to end, stopped and gone on with, of walking robots
 # make lint   style, types, import rules
 # make bench  speed, each figure against its floor
 # make power  a proof of the diagnosis on CASES cases, about a minute each: how large an effect must be
@@ -14,13 +15,16 @@ ROBOT ?= marvin
 SEED ?= 1
 CASES ?= 100
 
-.PHONY: demo test lint bench power prove lock clean
+.PHONY: demo test slow lint bench power prove lock clean
 
 demo: $(READY)
 	$(BIN)/busemu demo --robot $(ROBOT)
 
 test: $(READY)
 	$(BIN)/python -m pytest -q
+
+slow: $(READY)
+	$(BIN)/python -m pytest -q -m slow
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

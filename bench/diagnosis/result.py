@@ -105,8 +105,8 @@ class Diagnosis:
     details: Mapping[str, Any] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """As ``diagnosis.json`` has it."""
-        return {
+        """As ``diagnosis.json`` has it; a number that JSON lacks is ``null``."""
+        document = {
             "format": FORMAT,
             "verdict": self.verdict,
             "mismatch": [dict(m) for m in self.mismatch],
@@ -152,7 +152,16 @@ class Diagnosis:
             "ranking": [dict(r) for r in self.ranking],
             "details": dict(self.details),
         }
+        return {name: _finite(part) for name, part in document.items()}
 
 
 def _plain(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def _finite(part: Any) -> Any:
+    if isinstance(part, Mapping):
+        return {name: _finite(value) for name, value in part.items()}
+    if isinstance(part, (list, tuple)):
+        return [_finite(value) for value in part]
+    return _plain(part) if isinstance(part, float) else part

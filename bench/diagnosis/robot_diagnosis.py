@@ -295,9 +295,10 @@ class _Work:
                 "agreeing": rest.agreeing,
             },
             "seen_from": {
-                s.name: self.model.placed[s.name].knob.value(s.floor_z)
+                s.name: size
                 for s in found.screened
                 if np.isfinite(s.floor_z)
+                and np.isfinite(size := self.model.placed[s.name].knob.value(s.floor_z))
             },
         }
 

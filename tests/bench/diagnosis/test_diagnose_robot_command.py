@@ -18,6 +18,8 @@ from busemu.timing import load_profile
 from sim.model import additions, read_model
 from sim.world import BulletPlant
 
+pytestmark = pytest.mark.slow
+
 NAME, STIFFNESS_N_M = "foot_compliance", 600.0
 KNOWN = (NAME, "joint_compliance", "gain_error")
 FILES = {"diagnosis.json", "model.toml", "report.html", "phase.png"}

@@ -15,6 +15,8 @@ from bench.diagnosis.journal import FOLDER
 from busemu.tables import load_robot
 from sim.model import read_model
 
+pytestmark = pytest.mark.slow
+
 FILES = {"diagnosis.json", "model.toml", "report.html"}
 SECONDS = "0.001"  #: no time for any step
 

@@ -1,6 +1,7 @@
 """What a diagnosis leaves: a document that is JSON, and a better model that loads."""
 
 import json
+from dataclasses import replace
 from datetime import date
 from types import SimpleNamespace
 
@@ -276,3 +277,11 @@ def test_less_certain_data_has_less_power(small):
         for inflation in (1.0, 25.0)
     )
     assert 0.5 <= unsure < sure
+
+
+def test_a_number_that_json_lacks_is_null(null, tmp_path):
+    (only,) = null
+    details = {"seen_from": {"velocity_limit": np.inf}, "of": [1.0, np.float64(np.nan)]}
+    endless = replace(only, diagnosis=replace(only.diagnosis, details=details))
+    document = written([endless], tmp_path)
+    assert document["details"] == {"seen_from": {"velocity_limit": None}, "of": [1.0, None]}
