@@ -30,6 +30,7 @@ from .figures.path import Displacement, displacement, path_figure
 from .figures.style import save
 from .figures.tables import aligned, markdown
 from .figures.timing import TimingRow, timing_figure
+from .files import replacing, write_text
 from .recording import Recording, read
 from .recording.joints import joint_track
 from .running import in_process, on_port
@@ -125,7 +126,7 @@ def run_demo(robot: Robot, name: str, folder: Path, seconds: float, say: Say) ->
     moved = _pictures(robot, recording, observed, seconds, folder, files)
     _film(robot, observed, _start_s(recording, seconds), folder, files)
     summary = _summary(robot, table, moved, files)
-    (folder / "README.md").write_text(summary, "utf-8")
+    write_text(folder / "README.md", summary)
     return Demo(folder, f"{aligned(*table)}\n{WRITE_NOTE}", moved, files)
 
 
@@ -213,7 +214,9 @@ def _film(
         angles = {name: float(values[i]) for name, values in joints.items()}
         poses.append(Pose(x, y, z, roll, pitch, yaw, angles))
     frames = list(render(robot, poses))
-    film_strip(frames, [float(t) for t in instants], count=6, columns=3).save(folder / "film.png")
+    strip = film_strip(frames, [float(t) for t in instants], count=6, columns=3)
+    with replacing(folder / "film.png") as file:
+        strip.save(file, format="PNG")
     files["film.png"] = "the robot walking, six instants"
     write_gif(frames, folder / "walk.gif", frame_s=1.0 / FRAMES_S)
     files["walk.gif"] = "the robot walking"

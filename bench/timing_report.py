@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -17,6 +16,7 @@ from .calibration import CLOCK_S, INTERRUPT, Fit
 from .figures.style import save
 from .figures.tables import aligned
 from .figures.timing import TimingRow, timing_figure
+from .files import write_csv, write_text
 from .probes import Kind, Timing
 
 Floats = NDArray[np.float64]
@@ -58,22 +58,22 @@ def write_report(
     folder.mkdir(parents=True, exist_ok=True)
     modelled = [None] * len(timings) if modelled_s is None else [float(s) for s in modelled_s]
     summary, single, picture = (folder / n for n in ("timing.csv", "times.csv", "timing.png"))
-    with summary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for timing, model_s in zip(timings, modelled, strict=True):
-            low, high = timing.span_s
-            writer.writerow(
-                [*_key(timing), len(timing.times_s)]
-                + [f"{value:.9f}" for value in (timing.median_s, low, high)]
-                + ["" if model_s is None else f"{model_s:.9f}"]
-            )
-    with single.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([*COLUMNS[:6], "repeat", "time_s"])
-        for timing in timings:
-            for repeat, time_s in enumerate(timing.times_s):
-                writer.writerow([*_key(timing), repeat, f"{time_s:.9f}"])
+    summaries: list[list[object]] = [
+        [
+            *_key(timing),
+            len(timing.times_s),
+            *(f"{value:.9f}" for value in (timing.median_s, *timing.span_s)),
+            "" if model_s is None else f"{model_s:.9f}",
+        ]
+        for timing, model_s in zip(timings, modelled, strict=True)
+    ]
+    singles: list[list[object]] = [
+        [*_key(timing), repeat, f"{time_s:.9f}"]
+        for timing in timings
+        for repeat, time_s in enumerate(timing.times_s)
+    ]
+    write_csv(summary, COLUMNS, summaries)
+    write_csv(single, (*COLUMNS[:6], "repeat", "time_s"), singles)
     several = len({timing.condition for timing in timings}) > 1
     rows = [
         TimingRow(
@@ -157,7 +157,7 @@ def write_profile(fit: Fit, path: Path) -> None:
         shown = f"{value:.9g}" if isinstance(value, float) else f"{value}"
         note = notes.get(field.name, "")
         lines.append(f"{field.name} = {shown}" + (f"  # {note}" if note else ""))
-    path.write_text("\n".join(lines) + "\n", "utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _notes(fit: Fit) -> dict[str, str]:

@@ -8,7 +8,6 @@ of two numbers that balance each other would be worse than neither.
 
 from __future__ import annotations
 
-import os
 import statistics
 from collections.abc import Mapping, Sequence
 from datetime import date
@@ -18,6 +17,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from bench.files import write_text
 from busemu.tables import Robot
 from sim.effects import Effect, Parameter, Scope, effect
 from sim.model import Addition, Estimate, with_additions
@@ -93,10 +93,7 @@ def _of_arm(made: Sequence[Addition], joints: int) -> list[Addition]:
 
 def write_improved(robot: Robot, findings: Sequence[JointFindings], path: Path, on: date) -> None:
     """Write the robot file with the effects, whole or not at all."""
-    document = with_additions(robot, additions(findings, on))
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(tomli_w.dumps(document), "utf-8")
-    os.replace(temporary, path)
+    write_text(path, tomli_w.dumps(with_additions(robot, additions(findings, on))))
 
 
 def _place(name: str) -> tuple[Effect, Parameter]:

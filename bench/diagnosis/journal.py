@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Mapping
 from functools import cache
@@ -18,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from bench.files import write_text
 
 FOLDER = "progress"  #: in the folder of answers, until a run is finished
 CODE = ("bench/diagnosis", "sim")  #: what makes answers of a robot and of what was observed
@@ -46,9 +47,7 @@ class Journal:
     def put(self, key: str, given: Mapping[str, Any]) -> None:
         """Keep what a step gave. Raises ``OSError``."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        part = self.folder / f"{key}.{os.getpid()}.part"
-        part.write_text(json.dumps(given), "utf-8")
-        os.replace(part, self.folder / f"{key}.json")
+        write_text(self.folder / f"{key}.json", json.dumps(given))
         self._own.add(key)
 
     def finished(self) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+from bench.files import finite
 
 FORMAT = "busemu-diagnosis/1"
 VERDICTS = ("consistent", "explained", "partly_explained", "unexplained")
@@ -106,7 +107,7 @@ class Diagnosis:
 
     def document(self) -> dict[str, Any]:
         """As ``diagnosis.json`` has it; a number that JSON lacks is ``null``."""
-        document = {
+        told = {
             "format": FORMAT,
             "verdict": self.verdict,
             "mismatch": [dict(m) for m in self.mismatch],
@@ -117,8 +118,8 @@ class Diagnosis:
                     "kind": c.kind,
                     "parameters": {
                         name: {
-                            "value": _plain(e.value),
-                            "ci95": [_plain(x) for x in e.ci95],
+                            "value": e.value,
+                            "ci95": list(e.ci95),
                             "unit": e.unit,
                             "state": e.state,
                         }
@@ -152,16 +153,5 @@ class Diagnosis:
             "ranking": [dict(r) for r in self.ranking],
             "details": dict(self.details),
         }
-        return {name: _finite(part) for name, part in document.items()}
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _finite(part: Any) -> Any:
-    if isinstance(part, Mapping):
-        return {name: _finite(value) for name, value in part.items()}
-    if isinstance(part, (list, tuple)):
-        return [_finite(value) for value in part]
-    return _plain(part) if isinstance(part, float) else part
+        known: dict[str, Any] = finite(told)
+        return known

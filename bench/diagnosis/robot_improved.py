@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import tomli_w
 
+from bench.files import write_text
 from busemu.tables import Robot
 from sim.effects import Parameter, effect
 from sim.model import Addition, Estimate, with_additions
@@ -124,6 +124,4 @@ def with_all(robot: PhysicalRobot, added: Sequence[Addition]) -> PhysicalRobot:
 
 def write_model(robot: Robot, added: Sequence[Addition], path: Path) -> None:
     """Write the robot file with the additions, whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(tomli_w.dumps(with_additions(robot, added)), "utf-8")
-    os.replace(part, path)
+    write_text(path, tomli_w.dumps(with_additions(robot, added)))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
 from bench.figures.style import save
+from bench.files import write_json
 from busemu.tables import Robot
 from sim.model import read_model
 
@@ -95,9 +94,6 @@ def check_names(robot: Robot, names: Sequence[str]) -> None:
 def write_answers(robot: Robot, found: RobotDiagnosis, out: Path) -> None:
     """Write the files of a diagnosis, each whole or not at all."""
     out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(found.diagnosis.document(), indent=1, allow_nan=False, default=float)
-    part = out / "diagnosis.json.part"
-    part.write_text(text + "\n", "utf-8")
-    os.replace(part, out / "diagnosis.json")
+    write_json(out / "diagnosis.json", found.diagnosis.document())
     write_model(robot, found.additions, out / "model.toml")
     save(phase_figure(robot, found.believed[0], found.better[0]), out / "phase.png")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.files import write_json
 from bench.recording import Recording
 from busemu.tables import Robot
 from sim.effects import Effect
@@ -142,8 +141,5 @@ def without_effects(names: Sequence[str]) -> Mapping[str, Effect]:
 def write(robot: Robot, findings: Sequence[JointFindings], out: Path, on: date) -> None:
     """Write ``diagnosis.json`` and ``model.toml``, each whole or not at all."""
     out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(together(findings).document(), indent=1, allow_nan=False, default=float)
-    temporary = out / "diagnosis.json.part"
-    temporary.write_text(text + "\n", "utf-8")
-    os.replace(temporary, out / "diagnosis.json")
+    write_json(out / "diagnosis.json", together(findings).document())
     write_improved(robot, findings, out / "model.toml", on)

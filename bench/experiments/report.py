@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ..figures.style import save
 from ..figures.tables import aligned
+from ..files import finite, write_json
 from ..recording import Recording
 from .experiment import Experiment, Result
 
@@ -21,7 +19,7 @@ def document(
     experiment: Experiment[Any], result: Result, recordings: Sequence[Recording]
 ) -> dict[str, Any]:
     """The content of ``result.json``; numbers that are not known are ``null``."""
-    found: dict[str, Any] = _known(
+    found: dict[str, Any] = finite(
         {
             "format": FORMAT,
             "experiment": experiment.name,
@@ -57,17 +55,9 @@ def write_report(
     """
     folder.mkdir(parents=True, exist_ok=True)
     numbers, picture = folder / "result.json", folder / "figure.png"
-    text = json.dumps(document(experiment, result, recordings), indent=2, ensure_ascii=False)
-    part = folder / f".result.{os.getpid()}.json"
-    drawn = folder / f".figure.{os.getpid()}.png"
-    try:
-        part.write_text(text + "\n", "utf-8")
-        save(experiment.draw(result), drawn)
-        part.replace(numbers)
-        drawn.replace(picture)
-    finally:
-        part.unlink(missing_ok=True)
-        drawn.unlink(missing_ok=True)
+    figure = experiment.draw(result)
+    write_json(numbers, document(experiment, result, recordings))
+    save(figure, picture)
     return numbers, picture
 
 
@@ -92,14 +82,3 @@ def summary(result: Result) -> str:
     )
     notes = [f"[{number}] {reason}" for number, reason in enumerate(reasons, start=1)]
     return "\n".join([*lines, "", table, *notes])
-
-
-def _known(value: Any) -> Any:
-    """JSON has no NaN: ``None`` stands for what is not known."""
-    if isinstance(value, dict):
-        return {key: _known(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_known(inner) for inner in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

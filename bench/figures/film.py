@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from ..files import replacing
+
 Frame = NDArray[np.uint8]
 
 GUTTER_PX = 4
@@ -71,15 +73,16 @@ def write_gif(frames: Sequence[Frame], path: str | Path, *, frame_s: float) -> P
         for frame in frames
     ]
     path = Path(path)
-    images[0].save(
-        path,
-        format="GIF",
-        save_all=True,
-        append_images=images[1:],
-        duration=(ticks * 10).tolist(),
-        loop=0,
-        optimize=False,
-    )
+    with replacing(path) as file:
+        images[0].save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=images[1:],
+            duration=(ticks * 10).tolist(),
+            loop=0,
+            optimize=False,
+        )
     return path
 
 

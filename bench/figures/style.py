@@ -11,6 +11,8 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..files import replacing
+
 INK = "#22272e"
 GRID = "#e3e6ea"
 GOAL = "#8a919c"
@@ -69,7 +71,9 @@ def panels(
 def save(figure: Figure, path: str | Path) -> Path:
     """Write a figure as what the suffix says (``.png``, ``.svg``, ``.pdf``); returns the path.
 
-    Raises ``ValueError`` for another suffix.
+    The file is whole or not there. Raises ``ValueError`` for another suffix, and ``OSError``.
     """
-    figure.savefig(path, dpi=DPI)
-    return Path(path)
+    path = Path(path)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix.removeprefix("."), dpi=DPI)
+    return path

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import io
 import json
-import os
 import tomllib
 from dataclasses import asdict, astuple, fields
 from pathlib import Path
@@ -21,6 +19,7 @@ import tomli_w
 
 from busemu.tables import Robot
 
+from ..files import write_csv, write_text
 from .candidate import NAMES, Candidate, GaitSearchError
 from .outcome import Job, Outcome
 
@@ -54,13 +53,9 @@ class Ledger:
         """Keep a finished walk, on disk when this returns."""
         if not self._found:
             self.folder.mkdir(parents=True, exist_ok=True)
-            replace_text(self.folder / SEARCH, tomli_w.dumps(self._of))
+            write_text(self.folder / SEARCH, tomli_w.dumps(self._of))
         self._found[outcome.job] = outcome
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(COLUMNS)
-        table.writerows(_row(each) for each in self._found.values())
-        replace_text(self.folder / WALKS, text.getvalue())
+        write_csv(self.folder / WALKS, COLUMNS, map(_row, self._found.values()))
 
     def _check(self) -> None:
         path = self.folder / SEARCH
@@ -82,16 +77,6 @@ def fingerprint(robot: Robot) -> str:
     """SHA-256 of what a robot file says, whatever its layout and comments."""
     said = json.dumps(robot.document, sort_keys=True, default=dict)
     return hashlib.sha256(said.encode()).hexdigest()
-
-
-def replace_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, "utf-8")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _row(outcome: Outcome) -> list[str]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
-import os
 import shlex
 from dataclasses import asdict
 from pathlib import Path
@@ -19,9 +16,9 @@ from ..experiments.experiment import Comparison
 from ..experiments.locomotion_result import TORQUE_LIMIT
 from ..figures.style import save
 from ..figures.tables import aligned
+from ..files import finite, write_json, write_text
 from .candidate import Candidate
 from .figure import landscape
-from .ledger import replace_text
 from .methods import Method
 from .outcome import Outcome, Reason
 from .search import Found, Result
@@ -34,27 +31,21 @@ NOT_ITS = "the thesis's original stride and its recordings are not published"
 def write_report(result: Result, folder: Path) -> list[Path]:
     """Write the files, each whole or not at all, and tell which. Raises ``OSError``."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(document(result), indent=2, ensure_ascii=False)
-    replace_text(folder / NUMBERS, text + "\n")
-    part = folder / f".landscape.{os.getpid()}.png"
-    try:
-        save(landscape(result), part)
-        part.replace(folder / PICTURE)
-    finally:
-        part.unlink(missing_ok=True)
+    write_json(folder / NUMBERS, document(result))
+    save(landscape(result), folder / PICTURE)
     written = [folder / NUMBERS, folder / PICTURE]
     best = result.best
     if best is None or best.candidate is None:
         (folder / BEST).unlink(missing_ok=True)  # of an earlier, shorter search
         return written
-    replace_text(folder / BEST, tomli_w.dumps(best.candidate.document(result.robot)))
+    write_text(folder / BEST, tomli_w.dumps(best.candidate.document(result.robot)))
     return [*written, folder / BEST]
 
 
 def document(result: Result) -> dict[str, Any]:
     """The content of ``result.json``; SI, and ``null`` for what is not known."""
     plan, best = result.plan, result.best
-    return {
+    told: dict[str, Any] = {
         "format": FORMAT,
         "robot": result.robot.name,
         "file": str(result.robot.path),
@@ -68,6 +59,8 @@ def document(result: Result) -> dict[str, Any]:
         "best_method": best.method.value if best is not None else None,
         "beside_the_thesis": [asdict(row) for row in comparisons(result)],
     }
+    known: dict[str, Any] = finite(told)
+    return known
 
 
 def _method(found: Found, result: Result) -> dict[str, Any]:
@@ -95,7 +88,7 @@ def _walk(outcome: Outcome, result: Result) -> dict[str, Any]:
         "seconds": job["seconds"],
         "stride_commanded_m": _stride_m(outcome.job.candidate, result),
         "stride_of_body_m": outcome.stride_m,
-        **{key: None if _unknown(value) else value for key, value in measured.items()},
+        **measured,
         "torque_margin_of_limit": outcome.torque_margin,
         "forbidden_by": [reason.value for reason in outcome.reasons],
     }
@@ -117,10 +110,6 @@ def _gain(found: Found, result: Result) -> dict[str, float]:
 
 def _stride_m(candidate: Candidate, result: Result) -> float:
     return candidate.stride * Gait.of(result.robot).stride_m
-
-
-def _unknown(value: Any) -> bool:
-    return isinstance(value, float) and not math.isfinite(value)
 
 
 def comparisons(result: Result) -> tuple[Comparison, ...]:

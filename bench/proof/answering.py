@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from bench.blind import read_public
+from bench.files import write_json
 
 from .processes import ROOT, Job, run
-from .published import sources, write_json
+from .published import sources
 from .staging import stage
 
 RUN = "run.json"

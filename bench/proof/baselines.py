@@ -20,6 +20,7 @@ from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
 from bench.diagnosis.running import without_effects
+from bench.files import write_json
 from bench.recording import read
 from busemu.tables import load_robot
 from sim.effects import Effect
@@ -28,7 +29,6 @@ from sim.model import read_model
 from .answering import ANSWER
 from .diagnosing import left_out, split_of
 from .fitting import Outcome, blocks, grid, least_squares, limits, mean_square
-from .published import write_json
 from .staging import TOLD
 from .terms import EFFECT_OF, lagged, library
 

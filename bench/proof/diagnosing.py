@@ -18,10 +18,10 @@ from bench.diagnosis.knobs import SEEN, joint_effects
 from bench.diagnosis.next_experiment import menu
 from bench.diagnosis.report.traces import traces_of, worst
 from bench.diagnosis.running import Split, diagnose, group_of, write
+from bench.files import write_json
 from bench.recording import Recording, read
 from busemu.tables import load_robot
 
-from .published import write_json
 from .staging import MENU, TOLD, TRACE
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from bench.blind import SealError, open_key, read_public
+from bench.files import write_json
 
 from .errors import ProofError
-from .published import write_json
 
 FORMAT = "busemu-opened/1"
 FILE = "opened.json"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
+
+from bench.files import write_text
 
 from .judging import Judged
 from .rivals import METHODS
@@ -61,9 +62,7 @@ def write_page(
     if "baselines" in score:
         parts += ["<h2>Other methods on the same cases</h2>", _baselines(score["baselines"])]
     parts += ["<h2>Every case</h2>", _cases(cases)]
-    part = path.with_name(f".{path.name}.part")
-    part.write_text("\n".join(parts) + "\n", "utf-8")
-    os.replace(part, path)
+    write_text(path, "\n".join(parts) + "\n")
 
 
 def _provenance(score: Mapping[str, Any]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import subprocess
 from functools import cache
 from importlib.metadata import version
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.blind import read_public
+from bench.files import write_json
 
 from . import confined
 from .errors import ProofError
@@ -22,17 +22,6 @@ FILE = "published.json"
 #: packages that a diagnosis is made of; what writes the cases and what scores is not among them
 DIAGNOSER = ("busemu", "sim", "bench")
 NOT_DIAGNOSER = (Path("bench/blind"), Path("bench/proof"), Path("bench/proof_commands.py"))
-
-
-def write_json(path: Path, document: Any) -> None:
-    """Write a document, whole or not at all."""
-    part = path.with_name(f".{path.name}.part")
-    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-    with part.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(part, path)
 
 
 def sources() -> str:

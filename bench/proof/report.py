@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from bench.files import finite, write_json
+
 from . import rivals
 from .active import Active
 from .judging import Judged, judge
 from .page import write_page
 from .pictures import draw
-from .published import write_json
 from .running import Proof
-from .scoring import FORMAT, GOALS, LEFT_OUT, beside, finite, score, set_goal
+from .scoring import FORMAT, GOALS, LEFT_OUT, beside, score, set_goal
 from .table import write_table
 
 

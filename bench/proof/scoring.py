@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -243,14 +242,3 @@ def _calibration(cases: Sequence[Judged]) -> Row:
         **statistic(rows(by_class=False), calibration_error),
         "by_class": statistic(rows(by_class=True), calibration_error),
     }
-
-
-def finite(document: Any) -> Any:
-    """A document without numbers that JSON lacks: they become ``null``."""
-    if isinstance(document, Mapping):
-        return {name: finite(value) for name, value in document.items()}
-    if isinstance(document, (list, tuple)):
-        return [finite(value) for value in document]
-    if isinstance(document, float) and not math.isfinite(document):
-        return None
-    return document

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from bench.files import write_csv
 
 from .judging import Judged, Named
 
@@ -42,13 +41,7 @@ COLUMNS = (
 
 def write_table(cases: Sequence[Judged], path: Path) -> None:
     """Write all cases as CSV, whole or not at all."""
-    text = io.StringIO()
-    rows = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    rows.writeheader()
-    rows.writerows(line(case) for case in cases)
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(text.getvalue(), "utf-8")
-    os.replace(part, path)
+    write_csv(path, COLUMNS, ([row[name] for name in COLUMNS] for row in map(line, cases)))
 
 
 def line(c: Judged) -> Mapping[str, Any]:

@@ -6,11 +6,11 @@ A case that cannot be had in any of its attempts leaves ``NAME.not-had`` with th
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 
 from bench.blind import write_case
+from bench.files import write_json
 
 from .confined import end_with
 from .plan import Planned, attempts
@@ -35,9 +35,7 @@ def write_planned(folder: Path, planned: Planned, secret: str) -> None:
             reasons.append(str(error))
         else:
             return
-    part = folder / f".{planned.name}{NOT_HAD}"
-    part.write_text(json.dumps({**planned.document(), "reasons": reasons}, indent=1), "utf-8")
-    os.replace(part, folder / f"{planned.name}{NOT_HAD}")
+    write_json(folder / f"{planned.name}{NOT_HAD}", {**planned.document(), "reasons": reasons})
 
 
 def main() -> None:

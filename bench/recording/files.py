@@ -1,19 +1,16 @@
 """Recordings as files: ``NAME.parquet``, or ``NAME.csv`` with ``NAME.toml`` beside it.
 
-Writing never leaves half a file. All bytes go to a hidden file in the same folder first, are
-flushed to the disk, and take their name in one step. Of a pair the metadata takes its name before
+Writing never leaves half a file (:mod:`bench.files`). Of a pair the metadata takes its name before
 the table, and a table that is to be replaced goes before both: at no instant does a table stand
-beside missing or foreign metadata. A process that is killed may leave a hidden ``.NAME.*.part``.
+beside missing or foreign metadata.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
 
+from ..files import flush, replacing
 from . import csv_table, parquet_table
 from .errors import RecordingError
 from .metadata import from_toml, to_toml
@@ -53,18 +50,17 @@ def write(recording: Recording, path: str | Path) -> Path:
     path = _known(Path(path))
     text = to_toml(recording.metadata)
     if path.suffix == ".parquet":
-        with _replacing(path, lambda file: parquet_table.save(recording.table, text, file)) as name:
-            name()
+        with replacing(path) as file:
+            parquet_table.save(recording.table, text, file)
         return path
     beside = path.with_suffix(".toml")
     path = path.with_suffix(".csv")
-    with (
-        _replacing(beside, lambda file: file.write(text.encode())) as name_metadata,
-        _replacing(path, lambda file: csv_table.save(recording.table, file)) as name_table,
-    ):
+    with replacing(path) as rows, replacing(beside) as metadata:  # named from the last to the first
+        metadata.write(text.encode())
+        csv_table.save(recording.table, rows)
+        for file in (metadata, rows):
+            flush(file)
         path.unlink(missing_ok=True)
-        name_metadata()
-        name_table()
     return path
 
 
@@ -88,26 +84,3 @@ def _known(path: Path) -> Path:
             path, f"a recording's name ends in .parquet or .csv, not in {path.suffix!r}"
         )
     return path
-
-
-@contextmanager
-def _replacing(path: Path, fill: Callable[[BinaryIO], object]) -> Iterator[Callable[[], None]]:
-    """Fill a hidden file beside ``path``; yields what gives it its name. Removed if that fails."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("wb") as file:
-            fill(file)
-            file.flush()
-            os.fsync(file.fileno())
-        yield lambda: _rename(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def _rename(part: Path, path: Path) -> None:
-    part.replace(path)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)

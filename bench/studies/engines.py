@@ -6,8 +6,6 @@ engines' and their contacts' doing, and must not be called physics.
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +24,7 @@ from bench.diagnosis.robot_replay import course
 from bench.diagnosis.robot_replay import play as replay
 from bench.figures.gait import LEGS
 from bench.figures.style import GOAL, MEASURED, MODELLED, STANCE, START, save, styled
+from bench.files import finite, write_json
 from bench.motions import WalkPlan
 from hal.legs import PARTS
 from sim.model import read_model
@@ -92,9 +91,7 @@ def write_study(folder: Path, say: Progress) -> list[str]:
         say(f"walking in two engines: {name}")
         found[name] = apart(name)
     numbers = {one.robot: one.numbers() for one in found.values()}
-    part = folder / ".engines.json.part"
-    part.write_text(json.dumps(numbers, indent=1) + "\n", "utf-8")
-    os.replace(part, folder / "engines.json")
+    write_json(folder / "engines.json", finite(numbers))
     save(engines_figure(found), folder / "engines.png")
     return [
         f"{robot}: joints differ by {row['rms_mrad']:.2f} mrad RMS over the gait's phase"

@@ -8,9 +8,7 @@ robot itself walked a walk that the diagnosis has not seen.
 
 from __future__ import annotations
 
-import json
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -29,6 +27,7 @@ from bench.diagnosis.robot_running import run_robot
 from bench.diagnosis.running import Split
 from bench.diagnosis.watch import Say, Watch
 from bench.figures.style import save
+from bench.files import finite, write_json
 from bench.motions import WalkPlan
 from bench.recording import Recording, joint_track, read, write
 from bench.running import Steering, in_process, walk_in
@@ -142,9 +141,7 @@ def study(seed: int, out: Path, say: Say) -> dict[str, Any]:
         phase_figure(base, shown["before"], shown["after"], "a walk that nobody has seen"),
         out / "loop.png",
     )
-    part = out / ".loop.json.part"
-    part.write_text(json.dumps(result, indent=1) + "\n", "utf-8")
-    os.replace(part, out / "loop.json")
+    write_json(out / "loop.json", finite(result))
     journal.finished()
     return result
 

@@ -9,9 +9,7 @@ joints of a third walk as well, under the other load.
 
 from __future__ import annotations
 
-import json
 import math
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +24,7 @@ from bench.diagnosis.robot_model import RobotModel
 from bench.diagnosis.robot_replay import course
 from bench.diagnosis.robot_search import CLOSE, RobotFindings, RobotSearch
 from bench.figures.style import save
+from bench.files import finite, write_json, write_text
 from bench.recording import Recording, read, write
 from busemu.tables import load_robot
 from sim.model import read_model
@@ -154,7 +153,7 @@ def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
     out.mkdir(parents=True, exist_ok=True)
     runs = draw_runs(seed)
     key, digest = key_of(runs, seed)
-    _write(out / "key.sha256", f"{digest}  key.json\n")
+    write_text(out / "key.sha256", f"{digest}  key.json\n")
     journal = Journal(out / FOLDER)
     result: dict[str, Any] = {
         "format": FORMAT,
@@ -171,8 +170,8 @@ def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
         result["score"][channels] = _score(more)
         result["answers"] += documents
         save(summary_figure(answers), out / "summary.png")
-        _write(out / "study.json", json.dumps(result, indent=1) + "\n")
-    _write(out / "key.json", key)
+        write_json(out / "study.json", finite(result))
+    write_text(out / "key.json", key)
     journal.finished()
     return result
 
@@ -215,9 +214,3 @@ def _draw(model: RobotModel, answer: Answer, r: int, out: Path) -> None:
         rows = model.modelled(fit.settings, fit.nuisances, r)[RobotKind.JOINTS]
         figure = joints_figure(model, r, rows, f"{answer.run.name}, model {name}")
         save(figure, out / f"{answer.run.name}-{name}.png")
-
-
-def _write(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(text, "utf-8")
-    os.replace(part, path)

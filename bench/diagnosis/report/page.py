@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -18,6 +17,7 @@ from markupsafe import Markup
 from bench.diagnosis.result import Cause, Diagnosis
 from bench.diagnosis.search import HELD_OUT, NEEDED
 
+from ...files import write_text
 from . import telling, words
 from .inline import svg
 from .pictures import motion_picture, recordings_picture, regime_picture, time_picture
@@ -58,13 +58,7 @@ def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -
 
 def write_report(path: Path, diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -> None:
     """Write the page, whole or not at all. Raises ``OSError``."""
-    text = report_page(diagnosis, traces, origin)
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(text, "utf-8")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    write_text(path, report_page(diagnosis, traces, origin))
 
 
 @cache

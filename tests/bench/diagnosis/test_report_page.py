@@ -2,6 +2,7 @@
 
 import io
 import math
+import os
 import re
 from dataclasses import replace
 from datetime import date
@@ -12,7 +13,6 @@ import pytest
 from rich.console import Console
 
 from bench.diagnosis.report import Origin, Trace, report_page, write_report
-from bench.diagnosis.report import page as page_module
 from bench.diagnosis.report.pictures import CLOSE_S, MOST_JOINTS, regime_picture, worst_stretch
 from bench.diagnosis.report.telling import (
     cautions,
@@ -342,7 +342,7 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch)
     def full(*_):
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr(page_module.os, "replace", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
         write_report(path, FOUND, TRACES, ORIGIN)
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
