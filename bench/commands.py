@@ -330,10 +330,12 @@ def timing(
         fail(f"--repeats must be at least 1, not {repeats}")
     if fit is not None and fit.suffix != ".toml":
         fail(f"--fit {fit}: a profile is a .toml file")
+    if fit is not None and not fit.parent.is_dir():
+        fail(f"--fit {fit}: there is no folder {fit.parent}: make it first")
     try:
         described = load_robot(robot)
         model = load_profile(profile or described.timing)
-        wanted = Wanted(described, model, port, repeats, vary_return_delay, out, fit)
+        wanted = Wanted(described, robot, model, port, repeats, vary_return_delay, out, fit)
         run_timing(wanted, typer.echo)
     except (
         RobotError,
@@ -383,6 +385,8 @@ def demo(
         result = run_demo(described, robot, folder, seconds, lambda text: typer.echo(f"- {text}"))
     except (RobotError, TableError, DemoError) as error:
         fail(error)
+    except OSError as error:
+        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
     except KeyboardInterrupt:
         typer.echo("interrupted; the server is stopped")
         raise typer.Exit(130) from None

@@ -258,16 +258,8 @@ class WalkPlan:
     seed: int = 0  #: of the pattern generator's first state
 
     def document(self) -> dict[str, Any]:
-        """The plan as a document of plain values; :meth:`of` reads it."""
+        """The plan as a document of plain values."""
         return dataclasses.asdict(self)
-
-    @classmethod
-    def of(cls, document: Mapping[str, Any]) -> WalkPlan:
-        """The plan in a document. Raises ``ValueError`` for an unknown key."""
-        known = [f.name for f in dataclasses.fields(cls)]
-        if unknown := sorted(set(document) - set(known)):
-            raise ValueError(f"a walk has no {', '.join(unknown)}: it has {', '.join(known)}")
-        return cls(**document)
 
 
 def _smooth(share: Floats) -> Floats:

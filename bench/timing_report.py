@@ -141,7 +141,7 @@ def _worst(fit: Fit, *, held_back: bool) -> str:
         return "nothing"
     timing = fit.timings[worst]
     error = float(fit.errors[worst])
-    return f"{error * 100:+.1f} % ({error * timing.median_s * 1e6:+.0f} us): {timing.probe.what}"
+    return f"{error * 100:+z.1f} % ({error * timing.median_s * 1e6:+z.0f} us): {timing.probe.what}"
 
 
 def write_profile(fit: Fit, path: Path) -> None:

@@ -30,6 +30,7 @@ class Wanted:
     """What to time and what to leave behind. Without a ``port``, the model itself is timed."""
 
     robot: Robot
+    robot_name: str  #: as it was given: a name, a file or servos of a model
     profile: Profile
     port: str | None
     repeats: int
@@ -45,6 +46,8 @@ def run_timing(wanted: Wanted, say: Say) -> list[Timing]:
     :class:`bench.calibration.CalibrationError` or ``OSError``.
     """
     robot, profile = wanted.robot, wanted.profile
+    if wanted.out is not None:
+        wanted.out.mkdir(parents=True, exist_ok=True)
     with _prober(wanted) as prober:
         timings = _measure(prober, wanted)
     modelled_s = None
@@ -96,7 +99,8 @@ def _fit(wanted: Wanted, timings: list[Timing], say: Say) -> None:
     if not wanted.vary_return_delay:
         say("with --vary-return-delay the servos' turnaround can be told apart, too")
     write_profile(fitted, wanted.fit)
-    say(f"wrote {wanted.fit}: use it with busemu serve --timing {wanted.fit}")
+    use = f"busemu serve --robot {wanted.robot_name} --timing {wanted.fit}"
+    say(f"wrote {wanted.fit}: use it with {use}")
 
 
 @contextmanager

@@ -57,11 +57,16 @@ def fault(
 ) -> None:
     """Let something go wrong on a running bus.
 
-        busemu serve --robot marvin --link /tmp/marvin     (in another shell)
+    With busemu serve --robot marvin --link /tmp/marvin in another shell:
+
         busemu fault drop --servo 3 --count 5
+
         busemu fault corrupt --instruction sync_read --probability 0.02
+
         busemu fault unplug --for-s 2
+
         busemu fault list
+
         busemu fault clear
 
     A fault lasts until it is cleared, unless --count or --for-s end it. What strikes shows in the

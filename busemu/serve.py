@@ -106,7 +106,6 @@ class Station:
 class ServerState:
     """How well the server keeps up. Latenesses are of the last while, in seconds."""
 
-    started_s: float
     replies_late_s: deque[float] = field(default_factory=lambda: deque(maxlen=2000))
     physics_late_s: float = (
         0.0  #: how far the joints were behind the clock at worst, since last told
@@ -124,7 +123,7 @@ def serve(
     ``every_s`` [s], never while a reply is due.
     """
     now_s = time.monotonic()
-    state = ServerState(now_s)
+    state = ServerState()
     tell_s, attend_s = now_s + every_s, now_s
     slice_s = GUARD_S  # what a slice of any bus costs, on the safe side
     while True:

@@ -118,6 +118,8 @@ def load_profile(name_or_path: str | Path) -> Profile:
 
 def _profile(document: dict[str, Any], path: Path) -> Profile:
     known = {f.name: f.type for f in fields(Profile)}
+    if not document:
+        raise ProfileError(f"{path}: empty: a profile gives at least one of {', '.join(known)}")
     base = Profile(name=path.stem)
     values: dict[str, Any] = {}
     for key, value in document.items():

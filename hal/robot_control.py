@@ -133,17 +133,6 @@ class RobotControl:
             if ids:
                 self.client.sync_write(register, dict.fromkeys(ids, 0))
 
-    def write_all(self, register: str, value: float) -> None:
-        """Set one register of every joint's servo to a value in SI, with one sync_write.
-
-        Raises ``ValueError`` where the value is out of the register's range, ``KeyError`` where a
-        servo has no such register.
-        """
-        tables = self.robot.tables
-        self.client.sync_write(
-            register, {servo_id: tables[servo_id][register].from_si(value) for servo_id in self.ids}
-        )
-
     def alerts(self) -> dict[str, str]:
         """Say what the servos complained of: words by joint, empty if nothing.
 

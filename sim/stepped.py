@@ -110,11 +110,6 @@ class SteppedPlant:
         """The engine's step [s]."""
         return self._step_s
 
-    @property
-    def joint_names(self) -> Sequence[str]:
-        """Joints in the order of the servos in the robot's file."""
-        return self._names
-
     def advance(self, to_s: float) -> None:
         """Simulate up to ``to_s`` [s since the plant was made]; ``ValueError`` when it is past."""
         if not to_s >= self._now_s:

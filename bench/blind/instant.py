@@ -19,7 +19,6 @@ class Stage(enum.Enum):
     """When in a tick a part acts."""
 
     GOAL = "goal"  #: after the goal was taken from the register
-    SENSE = "sense"  #: after the sensor was read
     DUTY = "duty"  #: after the law, before the clip to the duty limit
     LIMIT = "limit"  #: after the clip
     SUPPLY = "supply"  #: after the supply's voltage, before the motor

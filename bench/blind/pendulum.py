@@ -109,7 +109,7 @@ class _Rollout:
         qpos, qvel, applied = data.qpos, data.qvel, data.qfrc_applied
         damping, dry, bias = model.dof_damping, model.dof_frictionloss, data.qfrc_bias
         inside, two = self.inside, len(self.inside) > 1
-        goal_acts, sense_acts, duty_acts, limit_acts, supply_acts, friction_acts, load_acts = (
+        goal_acts, duty_acts, limit_acts, supply_acts, friction_acts, load_acts = (
             self.stages[stage] for stage in Stage
         )
         now = Instant()
@@ -134,8 +134,6 @@ class _Rollout:
                 act(now)
             shown = sense(q)
             now.sensed_rad = round(shown / step_rad) * step_rad
-            for act in sense_acts:
-                act(now)
             on = t < off_tick
             # position law
             now.skip_control = False

@@ -21,8 +21,6 @@ from sim.drive.bank import command_column
 
 Floats = NDArray[np.float64]
 
-SETTINGS = ("torque_enable", "goal_position")  #: what a write brings anyway, and in its time
-
 
 @dataclass(slots=True)
 class _Listener:

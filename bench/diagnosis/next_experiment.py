@@ -8,7 +8,7 @@ the two is then the true one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -157,8 +157,3 @@ def _distance(model: JointModel, named: Fit, other: Fit, r: int) -> float:
     normal = tangents.T @ tangents + np.eye(count)
     apart = apart - tangents @ np.linalg.solve(normal, tangents.T @ apart)
     return float(np.linalg.norm(apart)) if len(residual) else 0.0
-
-
-def separable(experiments: Sequence[NextExperiment], least: float = 0.9) -> bool:
-    """Whether some experiment tells the rivals apart."""
-    return any(e.power >= least for e in experiments)

@@ -124,15 +124,6 @@ def cost(block: Block, noise: Noise) -> float:
     return float(huber(z).sum()) + logs
 
 
-def cost_by_sample(block: Block, noise: Noise) -> Floats:
-    """Negative log-likelihood of every sample given those before it [nats], shape (n,)."""
-    out, deviation = np.empty((len(block.value), 1)), np.empty(len(block.value))
-    args = (noise.white, noise.coloured, noise.memory_s, out, deviation)
-    _filter(block.t_s, block.value[:, None], block.extra, *args)
-    costs: Floats = huber(out[:, 0]) + np.log(deviation)
-    return costs
-
-
 def estimate(
     blocks: Sequence[Block],
     floor: float,

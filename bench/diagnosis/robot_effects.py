@@ -9,10 +9,10 @@ would act by itself.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from sim.effects import Effect, Group, Parameter, Scope, catalogue
-from sim.effects.effect import TRUNK, Values
+from sim.effects.effect import TRUNK
 from sim.tree import SEGMENTS, PhysicalRobot
 
 from .knobs import Knob
@@ -67,15 +67,6 @@ class Placed:
         """The robot with it; exactly the robot itself where the value is off."""
         values = {**self.companions} | {self.parameter.name: value}
         return self.effect.apply(robot, self.where, values)
-
-    def as_effect(self) -> Effect:
-        """An effect of one parameter, for what searches among effects."""
-        return replace(
-            self.effect, name=self.name, parameters=(self.parameter,), change=self._change
-        )
-
-    def _change(self, robot: PhysicalRobot, where: frozenset[str], values: Values) -> PhysicalRobot:
-        return self.apply(robot, values[self.parameter.name])
 
 
 def placed_effects(robot: PhysicalRobot) -> dict[str, Placed]:

@@ -21,8 +21,6 @@ from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
-from .knobs import FARTHEST
-
 Floats = NDArray[np.float64]
 
 ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
@@ -53,7 +51,6 @@ class RobotNuisance:
     source: str
     trial: str = ""
     joint: str = ""
-    reach: float = FARTHEST
 
 
 def _drives(segment: str, change: Callable[[DriveParameters, float], DriveParameters]) -> Change:

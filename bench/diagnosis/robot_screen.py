@@ -29,15 +29,13 @@ class Screened:
     """One effect in the screening.
 
     ``gain_nats`` is what the linear fit of its knob gains, ``z`` the knob there, ``floor_z`` the
-    least ``z`` that would be seen (infinite where the data does not show it at all), ``hidden``
-    the share of its trace (in squares) that nuisances could mimic.
+    least ``z`` that would be seen (infinite where the data does not show it at all).
     """
 
     name: str
     gain_nats: float
     z: float
     floor_z: float
-    hidden: float
 
 
 class Screen:
@@ -108,15 +106,14 @@ class Screen:
         """Screen one effect."""
         trace = self.trace(name)
         size = self._inner(trace, trace)
-        whole = float((self._weight * trace) @ trace)
         if size <= 1e-12:
-            return Screened(name, 0.0, 0.0, float("inf"), 1.0)
+            return Screened(name, 0.0, 0.0, float("inf"))
         z = self._inner(trace, self.residual) / size
         low, high = self._model.placed[name].knob.bounds
         z = min(high, max(low, z))
         gain = z * self._inner(trace, self.residual) - 0.5 * z * z * size
         floor = SEEN / float(np.sqrt(size))
-        return Screened(name, max(0.0, gain), z, floor, 1.0 - size / whole)
+        return Screened(name, max(0.0, gain), z, floor)
 
     def rank(self, names: Iterable[str]) -> list[Screened]:
         """Effects by what they gain, the most first."""

@@ -48,14 +48,6 @@ def contact_spans(t_s: Floats, force_n: Floats, threshold_n: float = CONTACT_N) 
     return spans(t_s, force_n > threshold_n)
 
 
-def phase_spans(t_s: Floats, phase_rad: Floats, duty_factor: float = 0.5) -> Floats:
-    """Find spans of stance of a commanded phase, as :func:`spans`.
-
-    A cycle is 2 pi; stance is its first part, of the share ``duty_factor`` (0 to 1).
-    """
-    return spans(t_s, np.mod(phase_rad, 2.0 * np.pi) < 2.0 * np.pi * duty_factor)
-
-
 def duty_factor(stance: Floats, duration_s: float) -> float:
     """Tell the share of ``duration_s`` in which a foot is down."""
     return float((stance[:, 1] - stance[:, 0]).sum() / duration_s) if duration_s > 0.0 else 0.0

@@ -47,10 +47,15 @@ def joint_figure(
 
 
 def _draw(axes: Axes, track: JointTrack, start_s: float, stop_s: float) -> None:
-    goals = np.append(track.goal_t_s, max(stop_s, *track.goal_t_s[-1:], start_s))
-    angles = np.append(track.goal_rad, track.goal_rad[-1:] if len(track.goal_rad) else [np.nan])
+    within = track.goal_t_s[(track.goal_t_s > start_s) & (track.goal_t_s < stop_s)]
+    goals = np.concatenate([[start_s], within, [stop_s]])
     axes.plot(
-        goals, np.degrees(angles), drawstyle="steps-post", color=GOAL, linewidth=1.1, label="goal"
+        goals,
+        np.degrees(track.goal_at(goals)),
+        drawstyle="steps-post",
+        color=GOAL,
+        linewidth=1.1,
+        label="goal",
     )
     inside = (track.position_t_s >= start_s) & (track.position_t_s <= stop_s)
     times, positions = track.position_t_s[inside], np.degrees(track.position_rad[inside])

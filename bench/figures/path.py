@@ -27,8 +27,6 @@ class Displacement:
     """How far a body went, and how much it turned."""
 
     distance_m: float  #: from the first point to the last, as the crow flies
-    ahead_m: float  #: the share of it along the first heading
-    sideways_m: float  #: the share of it to the right of the first heading
     turned_rad: float  #: yaw gained, counter-clockwise; whole turns count
     duration_s: float
 
@@ -43,12 +41,9 @@ def displacement(t_s: Floats, x_m: Floats, y_m: Floats, yaw_rad: Floats) -> Disp
     if not len(t_s):
         raise ValueError("a path needs at least one sample")
     dx, dy = float(x_m[-1] - x_m[0]), float(y_m[-1] - y_m[0])
-    yaw = float(yaw_rad[0])
     turned = np.unwrap(yaw_rad)
     return Displacement(
         distance_m=float(np.hypot(dx, dy)),
-        ahead_m=float(-np.sin(yaw) * dx + np.cos(yaw) * dy),
-        sideways_m=float(np.cos(yaw) * dx + np.sin(yaw) * dy),
         turned_rad=float(turned[-1] - turned[0]),
         duration_s=float(t_s[-1] - t_s[0]),
     )

@@ -54,6 +54,9 @@ def motion_figure(recording: Recording, found: Sequence[Oddity] = ()) -> Figure:
             if series is not None:
                 style = "steps-post" if series is goal else "default"
                 t, y = thinned(series.t_s - start_s, scale(series))
+                if series is goal:
+                    held_s = _held_until_s(recording, servo_id, series) - start_s
+                    t, y = np.append(t, held_s), np.append(y, y[-1:])
                 axes.plot(t, y, color=colour, linewidth=1.0, label=name, drawstyle=style)
         if position is not None:
             _mark(axes, recording, position, scale, found)
@@ -168,6 +171,16 @@ def _mark(
                 label=label,
             )
             label = ""
+
+
+def _held_until_s(recording: Recording, servo_id: int, goal: Channel) -> float:
+    """Until when the last goal was in force [s]: until the torque went off, or to the end."""
+    torque = channel(recording, servo_id, "torque_enable", "write")
+    if torque is not None:
+        off = torque.t_s[(torque.t_s >= goal.t_s[-1]) & (torque.counts() == 0)]
+        if len(off):
+            return float(off[0])
+    return float(recording.t_s[-1])
 
 
 def _scale(series: Channel | None) -> tuple[Callable[[Channel], Floats], str]:

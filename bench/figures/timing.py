@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 #: whiskers reach from and to these percentiles
 WHISKERS = (5.0, 95.0)
 MS = 1e3
+#: height of a line, and where there are many of them, in inches
+ROW_IN, LOW_ROW_IN, MANY_ROWS = 0.62, 0.3, 12
 #: the thesis's mark stands this far below its bar
 THESIS_OFFSET = 0.34
 
@@ -43,7 +45,8 @@ class TimingRow:
 @styled
 def timing_figure(rows: Sequence[TimingRow], *, title: str = "Time a transaction takes") -> Figure:
     """Draw, a line a kind: median with 5-95 % whiskers, the model's value, the thesis's value."""
-    figure, (axes,) = panels(1, 8.0, 1.2 + 0.62 * max(len(rows), 1), title)
+    height_in = ROW_IN if len(rows) <= MANY_ROWS else LOW_ROW_IN
+    figure, (axes,) = panels(1, 8.0, 1.2 + height_in * max(len(rows), 1), title)
     places = np.arange(len(rows), dtype=np.float64)
     summary = np.array([row.summary_s for row in rows]).reshape(-1, 3) * MS
     low, middle, high = summary.T
@@ -96,35 +99,6 @@ def timing_figure(rows: Sequence[TimingRow], *, title: str = "Time a transaction
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("time [ms]")
     figure.legend(loc="upper right", ncols=3)
-    return figure
-
-
-@styled
-def histogram_figure(
-    durations_s: Floats, *, marks_s: dict[str, float] | None = None, title: str = "", bins: int = 60
-) -> Figure:
-    """Draw how often each duration came; ``durations_s`` of shape (n,), named lines at ``marks_s``.
-
-    The highest 0.1 % are gathered in the last bin, so that one stall does not flatten the rest;
-    the longest is named.
-    """
-    figure, (axes,) = panels(1, 8.0, 2.8, title)
-    if len(durations_s):
-        top = float(np.percentile(durations_s, 99.9)) * MS
-        shown = np.minimum(durations_s * MS, top)
-        axes.hist(shown, bins=bins, color=MEASURED, alpha=0.85, linewidth=0)
-        axes.set_title(
-            f"{len(durations_s)} transactions, median {np.median(durations_s) * MS:.3f} ms, "
-            f"longest {np.max(durations_s) * MS:.3f} ms",
-            fontweight="normal",
-            fontsize=9,
-        )
-    for (name, at_s), colour in zip((marks_s or {}).items(), (INK, MODELLED) * 8, strict=False):
-        axes.axvline(at_s * MS, color=colour, linestyle="--", linewidth=1.2, label=name)
-    if marks_s:
-        axes.legend(loc="upper right")
-    axes.set_xlabel("time [ms]")
-    axes.set_ylabel("transactions")
     return figure
 
 

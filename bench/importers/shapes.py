@@ -18,25 +18,17 @@ class Format:
     """A shape of files: how it is recognised and read."""
 
     name: str
-    what: str  #: for people: what such files hold
     recognises: Callable[[str], bool]  #: by the first 64 KiB of a file
     read: Callable[[Path], list[Recording]]
 
 
-WIDE = "any CSV of one column a signal, with a map (NAME.columns.toml, or --map)"
-
 #: formats by name, in the order in which a file is tried
 FORMATS: Mapping[str, Format] = MappingProxyType(
     {
-        module.NAME: Format(module.NAME, what, module.recognises, module.read)
-        for module, what in (
-            (bam, "JSON logs of bam's recorder: one servo, a weight on an arm"),
-            (control_state, "pairs control.csv and state_motor.csv: goals and lists of joints"),
-            (dynaban, "CSV of one MX-64: duty and track, trajectories, registers, register dumps"),
-            (telemetry, "CSV with a column a value and servo: pos (5), load (5), ..."),
-        )
+        module.NAME: Format(module.NAME, module.recognises, module.read)
+        for module in (bam, control_state, dynaban, telemetry)
     }
-    | {wide_csv.NAME: Format(wide_csv.NAME, WIDE, lambda head: False, wide_csv.read)}
+    | {wide_csv.NAME: Format(wide_csv.NAME, lambda head: False, wide_csv.read)}
 )
 
 
@@ -56,12 +48,19 @@ def known_format(name: str, path: Path) -> Format:
     if name == "auto":
         found = recognise(path)
         if found is None:
-            raise RecordingError(
-                path,
-                "none of the known formats: give --map with a file that says what its columns are, "
-                f"or name one of {', '.join(FORMATS)}",
-            )
+            raise RecordingError(path, _unknown(path))
         return found
     if name not in FORMATS:
         raise RecordingError(path, f"no format {name!r}: use auto or one of {', '.join(FORMATS)}")
     return FORMATS[name]
+
+
+def _unknown(path: Path) -> str:
+    if not head(path):
+        return "the file is empty"
+    if path.suffix == ".parquet":
+        return "none of the known formats: a .parquet is no foreign log; look with busemu inspect"
+    return (
+        f"none of the known formats: say what its columns are in {wide_csv.map_beside(path).name} "
+        "beside it, or see busemu import --help"
+    )

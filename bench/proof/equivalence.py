@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-GRAVITY_AXIS = (0.0, 0.0, 1.0)
-
 
 @dataclass(frozen=True, slots=True)
 class Sight:

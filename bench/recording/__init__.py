@@ -4,7 +4,7 @@ from .accesses import Access
 from .describe import describe
 from .errors import RecordingError
 from .files import check_path, read, write
-from .joints import JointTrack, joint_track, joint_tracks
+from .joints import JointTrack, joint_track
 from .oddities import Gap, Oddities, Oddity, Weight, gaps, oddities
 from .recorder import Recorder
 from .recording import Recording, Series
@@ -24,7 +24,6 @@ __all__ = [
     "describe",
     "gaps",
     "joint_track",
-    "joint_tracks",
     "oddities",
     "read",
     "write",

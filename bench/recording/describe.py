@@ -31,7 +31,7 @@ def facts(recording: Recording) -> str:
         + (f", group {told['group']}" if "group" in told else ""),
         f"{len(recording)} rows in {recording.duration_s:.3f} s",
     ]
-    if isinstance(condition := told.get("condition"), Mapping):
+    if isinstance(condition := told.get("condition"), Mapping) and condition:
         lines.append("condition: " + ", ".join(f"{k} = {v}" for k, v in condition.items()))
     lines += [_servos(recording), "", _rates(counted(recording))]
     return "\n".join(lines)

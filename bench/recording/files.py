@@ -67,14 +67,16 @@ def write(recording: Recording, path: str | Path) -> Path:
 def check_path(path: str | Path) -> Path:
     """Tell before a long run whether :func:`write` could write there; returns the path.
 
-    Raises :class:`RecordingError` for a name without a known suffix, and for a folder that is
-    missing or cannot be written to.
+    Raises :class:`RecordingError` for a name without a known suffix or that a folder has, and for a
+    folder that is missing or cannot be written to.
     """
     path = _known(Path(path))
     if not path.parent.is_dir():
         raise RecordingError(path, f"there is no folder {path.parent}: make it first")
     if not os.access(path.parent, os.W_OK):
         raise RecordingError(path, f"the folder {path.parent} cannot be written to: choose another")
+    if path.is_dir():
+        raise RecordingError(path, "a folder has that name: choose another")
     return path
 
 

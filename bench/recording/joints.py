@@ -78,16 +78,6 @@ def joint_track(recording: Recording, joint: str, robot: Robot | None = None) ->
     )
 
 
-def joint_tracks(recording: Recording, robot: Robot | None = None) -> dict[str, JointTrack]:
-    """Give goals and positions of all joints whose servos were spoken to, in the file's order."""
-    there = set(recording.servo_ids)
-    return {
-        mount.joint: joint_track(recording, mount.joint, robot)
-        for mount in _robot(recording, robot).servos
-        if mount.servo_id in there
-    }
-
-
 def _robot(recording: Recording, robot: Robot | None) -> Robot:
     robot = recording.robot if robot is None else robot
     if robot is None:

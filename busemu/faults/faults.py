@@ -99,11 +99,6 @@ class Faults:
 
     # -- asking for faults ---------------------------------------------------------------------
 
-    @property
-    def unplugged(self) -> bool:
-        """Whether the port is away."""
-        return self._unplugs > 0
-
     def add(self, fault: Fault) -> int:
         """Have a fault from now on; its number. Raises :class:`FaultError`."""
         if fault.kind is Kind.UNPLUG and self._plug is None:

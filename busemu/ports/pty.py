@@ -44,7 +44,13 @@ class PtyPort:
         self._guard: subprocess.Popen[bytes] | None = None
         if self.link is not None:
             self._guard = _guard(self.link, self.path)
-            os.symlink(self.path, self.link)
+            try:
+                os.symlink(self.path, self.link)
+            except OSError as error:
+                self.close()
+                raise LinkError(
+                    f"--link {self.link}: {os.strerror(error.errno or 0)}; choose another path"
+                ) from None
 
     def unplug(self) -> None:
         """Take the device and the link away; a client that has it open sees it hang up."""

@@ -124,7 +124,13 @@ def sources(words: list[str]) -> Iterator[bytes | Iterator[Entry | None]]:
         for path in paths:
             yield _content(path.read_bytes(), str(path))
     else:
-        yield _content(bytes_of_text(" ".join(words)), "arguments")
+        try:
+            data = bytes_of_text(" ".join(words))
+        except HexError as error:
+            if len(words) > 1:
+                raise
+            raise HexError(f"{error}; and there is no file of that name") from None
+        yield _content(data, "arguments")
 
 
 def _is_trace(path: Path) -> bool:

@@ -80,12 +80,6 @@ class DriveBank:
         view: Array = self.states[kernel.TORQUE]
         return view
 
-    @property
-    def heat_k(self) -> Array:
-        """Temperature of each winding over ambient (a view)."""
-        view: Array = self.states[kernel.HEAT]
-        return view
-
     def command(self, index: int, column: Array) -> None:
         """Give one servo a command, as made by :func:`command_column`."""
         self.commands[:, index] = column

@@ -154,7 +154,6 @@ SUPPLY_EVENT = 100  #: an event's field from here on is one of the supplies'
 # --- supplies: supplies[field, group]
 SUPPLY_VOLTAGE = 0  #: without load [V]
 SUPPLY_RESISTANCE = 1  #: of pack and wires [ohm]
-SUPPLIES = 2
 
 
 class Arrays(NamedTuple):

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from bench.motions import MOTIONS, ExperimentPlan, Motion, WalkPlan, motion
+from bench.motions import MOTIONS, ExperimentPlan, Motion, motion
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -75,10 +75,3 @@ def test_unknown_names_are_refused_with_those_there_are() -> None:
 def test_base_motion_is_no_motion() -> None:
     with pytest.raises(NotImplementedError):
         Motion().goal_rad(0.0)
-
-
-def test_walk_survives_json_and_refuses_what_it_has_not() -> None:
-    walk = WalkPlan(3.0, 0.5, 1.0, 0.1, 4)
-    assert WalkPlan.of(json.loads(json.dumps(walk.document()))) == walk
-    with pytest.raises(ValueError, match="a walk has no speed: it has seconds"):
-        WalkPlan.of({"speed": 1})

@@ -13,7 +13,6 @@ from bench.recording import (
     describe,
     gaps,
     joint_track,
-    joint_tracks,
     oddities,
 )
 from bench.recording.describe import id_ranges
@@ -115,7 +114,6 @@ def test_joint_tracks_are_in_the_joints_own_angles():
     assert track.position_rad == pytest.approx([mount.to_joint(servo_rad)])
     assert track.goal_rad[0] == pytest.approx(mount.to_joint(0.0))
     assert track.error_rad == pytest.approx([-mount.direction * servo_rad])
-    assert list(joint_tracks(taken)) == ["leg1.femur"]
 
 
 def test_a_goal_holds_until_the_next_and_there_is_none_before_the_first():

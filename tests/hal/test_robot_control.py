@@ -92,11 +92,3 @@ def test_alerts_are_told_in_words_by_joint():
     control, client, robot = make("phantomx")
     client.statistics.alert_bits[1] = 0x24
     assert control.alerts() == {"leg1.coxa": "overheating error, overload error"}
-
-
-def test_write_all_speaks_si_and_checks_ranges():
-    control, client, _ = make("phantomx")
-    control.write_all("torque_limit", 0.5)
-    assert set(client.calls[-1][1].values()) == {512}
-    with pytest.raises(ValueError, match="torque_limit"):
-        control.write_all("torque_limit", 1.5)

@@ -299,7 +299,7 @@ def test_a_stalled_winding_warms_up_and_loses_torque() -> None:
     clamp(bank, np.zeros(1), 0.05)
     cold = float(bank.torque_nm[0])
     clamp(bank, np.zeros(1), 4.0)
-    heat, current = float(bank.heat_k[0]), float(bank.states[kernel.CURRENT, 0])
+    heat, current = (float(bank.states[row, 0]) for row in (kernel.HEAT, kernel.CURRENT))
     resistance = drive.resistance_ohm * (1.0 + drive.resistance_rise_per_k * heat)
     assert current == pytest.approx(7.4 / resistance, rel=1e-3)
     assert heat == pytest.approx(drive.heat_resistance_k_w * resistance * current**2, rel=0.05)

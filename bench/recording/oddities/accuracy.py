@@ -36,11 +36,11 @@ def _coarse(series: Channel, counts: Floats) -> Iterator[Oddity]:
     step = int(np.gcd.reduce(np.diff(values)))
     if step < 2:
         return
+    in_si = f"{step * register.si_scale:.4g} {register.si_unit}".rstrip()
     yield Oddity(
         "coarse_steps",
         Weight.NOTE,
-        f"values come in steps of {step} counts ({step * register.si_scale:.4g} "
-        f"{register.si_unit}), the register's step is 1",
+        f"values come in steps of {step} counts ({in_si}), the register's step is 1",
         "the servo measures more coarsely than the register suggests: the noise floor is higher",
         f"reckon with a quantisation of {step} counts",
         series.servo_id,

@@ -14,7 +14,7 @@ from bench.diagnosis.improved import write_improved
 from bench.diagnosis.joint import diagnose_joint
 from bench.diagnosis.knobs import FARTHEST, NUISANCES, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
-from bench.diagnosis.next_experiment import GAINS, menu, next_experiments, separable
+from bench.diagnosis.next_experiment import GAINS, menu, next_experiments
 from bench.diagnosis.observed import observe
 from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES
 from bench.diagnosis.running import diagnose, split, write
@@ -259,7 +259,6 @@ def test_an_experiment_is_proposed_for_every_rival_and_tells_its_power(small):
     assert set(one.separates) == {"dead_zone", "transport_delay"}
     assert 0.9 < one.power <= 1.0
     json.dumps(one.arguments, allow_nan=False)
-    assert separable([one])
     assert next_experiments(small, named, {}, 1.0) == []
 
 
@@ -267,7 +266,6 @@ def test_what_is_the_same_is_told_apart_by_nothing(small):
     named = fit_at(small, "dead_zone", 2.0)
     (one,) = next_experiments(small, named, {"dead_zone": named}, 1.0)
     assert one.power == pytest.approx(0.5)
-    assert not separable([one])
 
 
 def test_less_certain_data_has_less_power(small):

@@ -11,7 +11,6 @@ from bench.diagnosis.noise import (
     Block,
     Noise,
     cost,
-    cost_by_sample,
     estimate,
     huber,
     whiten,
@@ -74,12 +73,6 @@ def test_whitened_noise_is_white(noise):
     assert abs(z.mean()) < few
     assert z.var() == pytest.approx(1.0, abs=few * np.sqrt(2.0))
     assert abs(np.mean(z[1:] * z[:-1])) < few
-
-
-def test_costs_of_samples_sum_to_the_cost():
-    noise = NOISES[1]
-    block = drawn(noise)
-    assert cost_by_sample(block, noise).sum() == pytest.approx(cost(block, noise))
 
 
 def test_an_outlier_costs_no_more_than_linearly():
