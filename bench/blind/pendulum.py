@@ -94,7 +94,7 @@ class _Rollout:
         values: list[float] = commands.goal_rad[np.maximum(index, 0)].tolist()
         return values
 
-    def run(self) -> Trace:  # noqa: PLR0912, PLR0915  one tick, in its order, with no calls to spare
+    def run(self) -> Trace:  # noqa: PLR0915  one tick, in its order, with no calls to spare
         specimen, commands = self.specimen, self.commands
         model, data, substeps = self.model, self.data, self.substeps
         first, last = -round(SETTLE_S / TICK_S), math.ceil(commands.end_s / TICK_S)
