@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from busemu.plant import ideal
 from busemu.tables import Robot
 from busemu.timing import load_profile
+from hal.bus_errors import BusError
+from hal.cpg import LocomotionController
 
 from .bus_timing import WRITE_NOTE, Timed, time_bus
 from .figures.film import film_strip, write_gif
@@ -41,6 +43,8 @@ Say = Callable[[str], None]
 #: A server that has not opened its port after so long has failed [s]. Assumed: PyBullet and the
 #: compiled drive load in a few seconds even on a slow machine.
 START_S = 120.0
+#: Why a bus on a pseudo-terminal loses replies, and what to do.
+BUSY = "the machine is busy; the server needs a core of its own, so try with nothing else running"
 #: Frames a second of the film, and how much of the walk it shows [s].
 FRAMES_S = 12.5
 FILM_S = 4.0
@@ -98,7 +102,8 @@ def _until_serving(server: subprocess.Popen[bytes], log: Path) -> None:
 
 
 def run_demo(robot: Robot, name: str, folder: Path, seconds: float, say: Say) -> Demo:
-    """Run the demo into ``folder``. Raises :class:`DemoError`."""
+    """Run the demo into ``folder``. Raises :class:`DemoError`, :class:`RobotError`."""
+    LocomotionController.of(robot, seed=0)  # a robot that cannot walk is refused at once
     folder.mkdir(parents=True, exist_ok=True)
     files = {}
     say("the model: timing every transaction in virtual time")
@@ -106,8 +111,15 @@ def run_demo(robot: Robot, name: str, folder: Path, seconds: float, say: Say) ->
     say("serving: the robot's servos on a pseudo-terminal, PyBullet behind them")
     with served(robot, name, folder) as port:
         say(f"measuring the bus through the SDK on {port}")
-        with on_port(robot, port) as session:
-            measured = time_bus(session)
+        try:
+            with on_port(robot, port) as session:
+                measured = time_bus(session)
+                late = session.client.statistics.failed
+        except BusError as error:
+            said = folder / "server.txt"
+            raise DemoError(f"{error}: {BUSY}; what the server said is in {said}") from None
+        if late:
+            say(f"{late} replies were lost and asked for again: {BUSY}")
         walk = [sys.executable, "-m", "busemu", "walk", "--robot", name, "--port", port]
         walk += ["--seconds", f"{seconds:g}", "--record", str(folder / "walk.parquet")]
         say(f"walking: busemu {' '.join(walk[3:])}")
