@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from programs import busemu, fails_in_one_line
 
 from bench.calibration import (
     CalibrationError,
@@ -366,18 +367,13 @@ def test_what_cannot_be_put_back_is_named_with_its_value():
 # -- the command --------------------------------------------------------------------------------
 
 
-def busemu(*words):
-    command = [sys.executable, "-m", "busemu", "timing", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-
-
 def rows_of(path):
     return list(csv.DictReader(path.read_text("utf-8").splitlines()))
 
 
 def test_the_command_times_the_model_writes_files_and_fits(tmp_path):
     words = ["--robot", "phantomx", "--virtual", "--repeats", 2, "--out", tmp_path / "out"]
-    done = busemu(*words, "--vary-return-delay", "--fit", tmp_path / "mine.toml")
+    done = busemu("timing", *words, "--vary-return-delay", "--fit", tmp_path / "mine.toml")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert any(line.split()[:5] == ["read", "of", "2", "B", "250"] for line in lines)
@@ -406,12 +402,7 @@ def test_the_command_times_the_model_writes_files_and_fits(tmp_path):
     ],
 )
 def test_bad_words_get_one_clear_line_and_a_failure(words, says):
-    done = busemu(*words)
-    lines = done.stderr.strip().splitlines()
-    assert done.returncode == 1
-    assert len(lines) == 1
-    assert lines[0].startswith("busemu: ")
-    assert says in lines[0]
+    fails_in_one_line(busemu("timing", *words), says)
 
 
 @pytest.mark.pty

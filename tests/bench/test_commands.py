@@ -7,13 +7,9 @@ import sys
 import time
 
 import pytest
+from programs import busemu, fails_in_one_line
 
 from bench.recording import read
-
-
-def busemu(*words, timeout=120):
-    command = [sys.executable, "-m", "busemu", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
 
 
 def test_the_command_is_installed():
@@ -47,12 +43,7 @@ def test_a_virtual_walk_writes_a_recording_that_reads_back(tmp_path, suffix):
     ],
 )
 def test_bad_words_get_one_clear_line_and_a_failure(words, says):
-    done = busemu(*words)
-    lines = done.stderr.strip().splitlines()
-    assert done.returncode == 1
-    assert len(lines) == 1
-    assert lines[0].startswith("busemu: ")
-    assert says in lines[0]
+    fails_in_one_line(busemu(*words), says)
 
 
 @pytest.mark.pty

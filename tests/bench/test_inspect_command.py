@@ -1,20 +1,13 @@
 """``busemu inspect`` and ``busemu import``, as a person types them."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from matplotlib import image
+from programs import busemu
 from recording_samples import sample
 
 from bench.figures.recording import MOST_POINTS, thinned
 from bench.recording import RecordingError, read, write
-
-
-def busemu(*words):
-    command = [sys.executable, "-m", "busemu", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def telemetry(path, rows=80):

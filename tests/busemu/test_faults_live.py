@@ -15,7 +15,8 @@ import pytest
 import serial
 from dynamixel_sdk import PacketHandler, PortHandler
 from fault_bench import FaultBench
-from pty_server import serving, until
+from programs import until
+from pty_server import serving
 from virtual_bus import OK, TIMEOUT, XL
 
 from busemu.control import ControlError, _address, ask, servers

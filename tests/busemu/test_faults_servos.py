@@ -29,12 +29,6 @@ BOTH = pytest.mark.parametrize("model", [AX, XL])
 X = "XM430-W350"
 
 
-def twelve_volts():
-    plant = ScriptedPlant()
-    plant.voltage_v = 12.0
-    return plant
-
-
 @BOTH
 def test_a_dead_servo_is_mute_and_limp_until_it_is_cleared(model):
     bench = FaultBench(model)
@@ -111,7 +105,7 @@ def test_an_overload_of_an_ax_servo_ends_with_a_new_torque_limit():
 
 
 def test_an_overload_of_an_x_servo_holds_until_it_is_rebooted():
-    bench = FaultBench(small_robot(X), twelve_volts())
+    bench = FaultBench(small_robot(X), ScriptedPlant.of_twelve_volts())
     bench.set("torque_enable", 1)
     bench.have("overload", servo=1)
     bench.sleep(0.05)
@@ -181,7 +175,7 @@ def test_a_stuck_position_loop_gives_the_duty_of_its_constant_error():
 
 def test_only_a_model_that_has_the_alarm_raises_it_for_its_encoder():
     for model, alarm in ((XL, 0), (X, ALERT_2)):
-        plant = twelve_volts() if model == X else None
+        plant = ScriptedPlant.of_twelve_volts() if model == X else None
         bench = FaultBench(small_robot(model), plant)
         bench.have("encoder_stuck", servo=1)
         assert bench.look()[2] == alarm

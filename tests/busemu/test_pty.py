@@ -15,13 +15,12 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
-import dynamixel_sdk
 import pytest
 import serial
 from dynamixel_sdk import GroupSyncRead, GroupSyncWrite
-from pty_server import Server, processes_with, serving, until
+from programs import sdk, until
+from pty_server import Server, processes_with, serving
 from pypot.dynamixel.io import Dxl320IO, DxlIO
 
 pytestmark = pytest.mark.pty
@@ -37,17 +36,6 @@ def servers() -> Iterator[dict[str, Server]]:
     """One server a robot, shared by all tests whose clients leave the servos as they were."""
     with serving("--robot", "phantomx") as one, serving("--robot", "marvin") as two:
         yield {"phantomx": one, "marvin": two}
-
-
-@contextmanager
-def sdk(path: str, protocol: float, baud_rate: int = 1_000_000) -> Iterator[tuple[Any, Any]]:
-    port = dynamixel_sdk.PortHandler(path)
-    port.baudrate = baud_rate
-    assert port.openPort()
-    try:
-        yield port, dynamixel_sdk.PacketHandler(protocol)
-    finally:
-        port.closePort()
 
 
 def protocol_of(name: str) -> float:

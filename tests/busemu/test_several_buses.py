@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 from dynamixel_sdk import GroupSyncRead, PacketHandler, PortHandler
-from pty_server import serving, until
+from programs import until
+from pty_server import serving
 from typer.testing import CliRunner
 from virtual_bus import AX, XL, Bench
 

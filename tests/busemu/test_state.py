@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 from dynamixel_sdk import PacketHandler, PortHandler
-from pty_server import serving, until
+from programs import until
+from pty_server import serving
 from virtual_bus import AX, XL, Bench, ScriptedPlant, small_robot
 
 from busemu.protocol import Instruction
@@ -21,12 +22,6 @@ from busemu.tables import Robot
 def kept(path: Path, robot: Robot | None = None, **bench: object) -> tuple[Bench, State]:
     bench = Bench(robot or small_robot(XL), **bench)
     return bench, State(path, bench.robot, bench.bus.servos)
-
-
-def twelve_volts() -> ScriptedPlant:
-    plant = ScriptedPlant()
-    plant.voltage_v = 12.0
-    return plant
 
 
 def test_what_is_written_to_eeprom_is_there_after_a_start(tmp_path: Path) -> None:
@@ -46,13 +41,13 @@ def test_what_is_written_to_eeprom_is_there_after_a_start(tmp_path: Path) -> Non
 
 def test_backup_lasts_too(tmp_path: Path) -> None:
     robot = small_robot("XM430-W350")
-    bench, state = kept(tmp_path / "s.toml", robot, plant=twelve_volts())
+    bench, state = kept(tmp_path / "s.toml", robot, plant=ScriptedPlant.of_twelve_volts())
     bench.set("homing_offset", 50, 1)
     assert bench.instruct(Instruction.CONTROL_TABLE_BACKUP, b"\x01CTRL").error == 0
     bench.set("homing_offset", 0, 1)
     state.save()
     state.close()
-    again, _ = kept(tmp_path / "s.toml", robot, plant=twelve_volts())
+    again, _ = kept(tmp_path / "s.toml", robot, plant=ScriptedPlant.of_twelve_volts())
     assert (again.get("homing_offset"), again.get("backup_ready")) == (0, 1)
     assert again.instruct(Instruction.CONTROL_TABLE_BACKUP, b"\x02CTRL").error == 0
     again.sleep(1.0)

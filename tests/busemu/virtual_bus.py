@@ -59,6 +59,12 @@ class ScriptedPlant:
         self.temperature_c = 25.0
         self.commands = {i: [(0.0, DriveCommand())] for i in ids}
 
+    @classmethod
+    def of_twelve_volts(cls) -> ScriptedPlant:
+        plant = cls()
+        plant.voltage_v = 12.0
+        return plant
+
     def advance(self, to_s: float) -> None:
         if to_s < self.now_s:
             raise ValueError("back")

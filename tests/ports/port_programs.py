@@ -8,15 +8,12 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import dynamixel_sdk
+from programs import PATIENCE_S, until
 
-#: The longest any wait below may last [s]; it ends a test that fails, none that passes.
-PATIENCE_S = 20.0
 OK, TIMEOUT = 0, -3001
 IDS = list(range(1, 19))
 
@@ -72,26 +69,6 @@ def running(*words: object) -> Iterator[Program]:
 
 def serving(*words: object) -> Any:
     return running("serve", "--plant", "ideal", *words)
-
-
-def until(condition: Callable[[], object]) -> None:
-    """Return once ``condition()`` is true; fail when that takes unreasonably long."""
-    end_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end_s, "waited in vain"
-        time.sleep(0.005)
-
-
-@contextmanager
-def sdk(path: str, protocol: float, baud_rate: int = 1_000_000) -> Iterator[tuple[Any, Any]]:
-    """The official SDK on a serial port: its port, and the packet handler of a protocol."""
-    port = dynamixel_sdk.PortHandler(path)
-    port.baudrate = baud_rate
-    assert port.openPort()
-    try:
-        yield port, dynamixel_sdk.PacketHandler(protocol)
-    finally:
-        port.closePort()
 
 
 def meets(wanted: object, attempt: Callable[[], object]) -> bool:

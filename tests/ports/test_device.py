@@ -14,7 +14,8 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
-from port_programs import OK, PATIENCE_S, meets, refused, sdk, serving
+from port_programs import OK, meets, refused, serving
+from programs import PATIENCE_S, sdk
 
 from busemu.ports import device as device_module
 from busemu.ports.baud import get_baud_rate

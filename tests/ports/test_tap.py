@@ -19,16 +19,14 @@ from dynamixel_sdk import GroupSyncRead
 from port_programs import (
     IDS,
     OK,
-    PATIENCE_S,
     TIMEOUT,
     Program,
     meets,
     refused,
     running,
-    sdk,
     serving,
-    until,
 )
+from programs import PATIENCE_S, sdk, until
 from pypot.dynamixel.io import Dxl320IO, DxlIO
 from pypot.dynamixel.io.abstract_io import DxlTimeoutError
 

@@ -10,7 +10,8 @@ from typing import Any
 import dynamixel_sdk
 import pytest
 import serial
-from port_programs import IDS, OK, PATIENCE_S, meets, refused, serving, until
+from port_programs import IDS, OK, meets, refused, serving
+from programs import PATIENCE_S, until
 
 from busemu.ports.tcp import TcpError, TcpPort
 

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 from dynamixel_sdk import PacketHandler, PortHandler
+from programs import until
+from pty_server import serving
 from typer.testing import CliRunner
-
-sys.path.append(str(Path(__file__).parents[1] / "busemu"))
-from pty_server import serving, until
 
 from busemu.cli import app
 from busemu.see import decode, monitor

@@ -59,6 +59,11 @@ class OneServo:
     def command(self) -> DriveCommand:
         return self.joint.last
 
+    @property
+    def goal_count(self) -> float:
+        """Where the drive is told to go, in counts of the shaft, turns and all."""
+        return self.command.goal_position_rad / COUNT_RAD + 2048
+
     def stand(self, count: float) -> None:
         """Turn the shaft to so many counts, turns and all."""
         self.state(position_rad=(count - 2048) * COUNT_RAD)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from model_bench import COUNT_RAD, OneServo
+from model_bench import OneServo
 
 from busemu.plant import OperatingMode
 from busemu.servo import Refusal
@@ -13,16 +13,12 @@ from busemu.servo import Refusal
 SPEED = 0.114 * math.pi / 30.0
 
 
-def goal_count(servo: OneServo) -> float:
-    return servo.command.goal_position_rad / COUNT_RAD + 2048
-
-
 def test_joint_mode_goes_to_the_goal_within_the_turn_and_its_limits() -> None:
     servo = OneServo("MX-28", at_count=4096 + 1000)
     assert servo.get("present_position") == 1000
     servo.set(torque_enable=1, goal_position=4095, moving_speed=100)
     assert servo.command.operating_mode is OperatingMode.POSITION
-    assert goal_count(servo) == pytest.approx(4096 + 4095)
+    assert servo.goal_count == pytest.approx(4096 + 4095)
     assert servo.command.velocity_limit_rad_s == pytest.approx(100 * SPEED)
     assert servo.write("goal_position", -1) is Refusal.LIMIT
     servo.set(cw_angle_limit=500, ccw_angle_limit=600)
@@ -36,7 +32,7 @@ def test_goal_is_in_the_turn_that_the_shaft_is_in_when_the_torque_comes_on() -> 
     servo.stand(2 * 4096 + 1000)
     servo.set(torque_enable=1, goal_position=1500)
     assert servo.get("present_position") == 1000
-    assert goal_count(servo) == pytest.approx(2 * 4096 + 1500)
+    assert servo.goal_count == pytest.approx(2 * 4096 + 1500)
 
 
 def test_wheel_mode_is_both_limits_0_and_turns_without_end() -> None:
@@ -52,18 +48,18 @@ def test_wheel_mode_is_both_limits_0_and_turns_without_end() -> None:
 def test_multi_turn_mode_has_seven_turns_an_offset_and_a_divider() -> None:
     servo = OneServo("MX-28", at_count=2048)
     servo.set(cw_angle_limit=4095, ccw_angle_limit=4095, torque_enable=1, goal_position=-28_672)
-    assert goal_count(servo) == pytest.approx(-28_672)
+    assert servo.goal_count == pytest.approx(-28_672)
     assert servo.write("goal_position", 28_673) is Refusal.RANGE
     servo.stand(20_000)
     assert servo.get("present_position") == 20_000
     servo.set(multi_turn_offset=1024)
     assert servo.get("present_position") == 21_024
     servo.set(goal_position=5120)
-    assert goal_count(servo) == pytest.approx(4096)
+    assert servo.goal_count == pytest.approx(4096)
     servo.set(multi_turn_offset=0, resolution_divider=4)
     assert servo.get("present_position") == 5000
     servo.set(goal_position=1000)
-    assert goal_count(servo) == pytest.approx(4000)
+    assert servo.goal_count == pytest.approx(4000)
     assert servo.write("resolution_divider", 5) is Refusal.RANGE
 
 
@@ -72,7 +68,7 @@ def test_multi_turn_offset_is_for_multi_turn_mode_only() -> None:
     servo.set(multi_turn_offset=1024)
     assert servo.get("present_position") == 2048
     servo.set(goal_position=3000)
-    assert goal_count(servo) == pytest.approx(3000)
+    assert servo.goal_count == pytest.approx(3000)
 
 
 def test_gains_are_on_the_scale_of_the_manual() -> None:
@@ -104,7 +100,7 @@ def test_reverse_of_the_mx_106_holds_in_joint_mode_and_not_in_wheel_mode() -> No
     servo.set(drive_mode=1)
     assert servo.get("present_position") == 1948
     servo.set(goal_position=2058, moving_speed=10)
-    assert goal_count(servo) == pytest.approx(2038)
+    assert servo.goal_count == pytest.approx(2038)
     servo.set(ccw_angle_limit=0)
     assert servo.command.goal_velocity_rad_s > 0.0
     assert servo.get("present_position") == 2148

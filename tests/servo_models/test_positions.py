@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from model_bench import COUNT_RAD, OneServo
+from model_bench import OneServo
 
 from busemu.servo import Refusal
-
-
-def goal_count(servo: OneServo) -> float:
-    """Where the drive is told to go, in counts of the shaft, turns and all."""
-    return servo.command.goal_position_rad / COUNT_RAD + 2048
 
 
 def test_power_on_takes_the_position_within_a_single_turn_and_stays_there() -> None:
@@ -18,7 +13,7 @@ def test_power_on_takes_the_position_within_a_single_turn_and_stays_there() -> N
         servo = OneServo("XM430-W350", at_count=shaft)
         assert servo.get("present_position") == present
         assert servo.get("goal_position") == present
-        assert goal_count(servo) == pytest.approx(shaft)
+        assert servo.goal_count == pytest.approx(shaft)
 
 
 def test_position_counts_on_through_turns_until_something_resets_it() -> None:
@@ -28,7 +23,7 @@ def test_position_counts_on_through_turns_until_something_resets_it() -> None:
     servo.set(torque_enable=1)
     assert servo.get("present_position") == 4000
     servo.set(goal_position=10)
-    assert goal_count(servo) == pytest.approx(4096 + 10)
+    assert servo.goal_count == pytest.approx(4096 + 10)
     servo.set(torque_enable=0)
     servo.stand(-50)
     assert servo.get("present_position") == -4146
@@ -43,9 +38,9 @@ def test_extended_position_mode_keeps_its_turns_when_the_torque_comes_on() -> No
     servo.stand(3 * 4096 + 100)
     servo.set(torque_enable=1, goal_position=1_048_575)
     assert servo.get("present_position") == 3 * 4096 + 100
-    assert goal_count(servo) == pytest.approx(1_048_575)
+    assert servo.goal_count == pytest.approx(1_048_575)
     servo.set(goal_position=-1_048_575)
-    assert goal_count(servo) == pytest.approx(-1_048_575)
+    assert servo.goal_count == pytest.approx(-1_048_575)
     for goal in (1_048_576, -1_048_576):
         assert servo.write("goal_position", goal) is Refusal.RANGE
     servo.set(torque_enable=0, operating_mode=3)
@@ -69,7 +64,7 @@ def test_homing_offset_is_added_to_what_is_read_and_taken_from_what_is_written()
     servo.set(homing_offset=1024)
     assert servo.get("present_position") == 3024
     servo.set(torque_enable=1, goal_position=3000)
-    assert goal_count(servo) == pytest.approx(1976)
+    assert servo.goal_count == pytest.approx(1976)
 
 
 def test_homing_offset_beyond_a_quarter_turn_counts_only_where_there_are_turns() -> None:
@@ -88,7 +83,7 @@ def test_homing_offset_keeps_its_sign_in_reverse() -> None:
     servo.set(drive_mode=1, homing_offset=100)
     assert servo.get("present_position") == 2048 - 300 + 100
     servo.set(torque_enable=1, goal_position=2048 + 100)
-    assert goal_count(servo) == pytest.approx(2048)
+    assert servo.goal_count == pytest.approx(2048)
 
 
 def test_negative_numbers_are_two_complement_on_the_wire() -> None:
@@ -98,4 +93,4 @@ def test_negative_numbers_are_two_complement_on_the_wire() -> None:
     _, data = servo.servo.read(132, 4)
     assert data == b"\xff\xff\xff\xff"
     assert servo.write_bytes(116, b"\xfe\xff\xff\xff") is None
-    assert goal_count(servo) == pytest.approx(-2)
+    assert servo.goal_count == pytest.approx(-2)

@@ -1,7 +1,6 @@
 """``busemu diagnose`` in a process of its own, on recordings in a folder."""
 
-import subprocess
-import sys
+import programs
 
 from bench.diagnosis.knobs import joint_effects
 from bench.recording import write
@@ -10,8 +9,7 @@ KNOWN = ("viscous_friction", "coulomb_friction")
 
 
 def busemu(*words, timeout_s=300):
-    command = [sys.executable, "-m", "busemu", "diagnose", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)
+    return programs.busemu("diagnose", *words, timeout_s=timeout_s)
 
 
 def without_most():

@@ -1,11 +1,10 @@
 """``busemu diagnose`` of a robot on legs, as a person types it."""
 
 import json
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import pytest
+from programs import busemu
 from walking_robots import believed, marvin
 
 from bench.diagnosis.result import Estimate
@@ -23,11 +22,6 @@ pytestmark = pytest.mark.slow
 NAME, STIFFNESS_N_M = "foot_compliance", 600.0
 KNOWN = (NAME, "joint_compliance", "gain_error")
 FILES = {"diagnosis.json", "model.toml", "report.html", "phase.png"}
-
-
-def busemu(*words):
-    command = [sys.executable, "-m", "busemu", "diagnose", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
 
 
 def walk(robot, name, seed):
@@ -54,7 +48,8 @@ def found(logs, tmp_path_factory):
     out = tmp_path_factory.mktemp("found")
     known = {placed.effect.name for placed in placed_effects(believed()).values()}
     left_out = [word for name in sorted(known - set(KNOWN)) for word in ("--without", name)]
-    done = busemu("--robot", "marvin", "--out", out, "--holdout", logs[1], *left_out, logs[0])
+    words = ["--robot", "marvin", "--out", out, "--holdout", logs[1], *left_out, logs[0]]
+    done = busemu("diagnose", *words, timeout_s=900.0)
     assert done.returncode == 0, done.stderr
     document = json.loads((out / "diagnosis.json").read_text())
     return SimpleNamespace(done=done, out=out, document=document)
@@ -105,6 +100,6 @@ def test_the_report_and_the_summary_say_the_same(found):
 
 
 def test_an_effect_that_no_walk_shows_is_no_name(logs, tmp_path):
-    done = busemu("--robot", "marvin", "--out", tmp_path, "--without", "magic", *logs)
+    done = busemu("diagnose", "--robot", "marvin", "--out", tmp_path, "--without", "magic", *logs)
     assert done.returncode == 1
     assert "no effect named 'magic' for a whole robot" in done.stderr

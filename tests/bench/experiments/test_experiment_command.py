@@ -8,11 +8,7 @@ import sys
 import time
 
 import pytest
-
-
-def busemu(*words, timeout=180):
-    command = [sys.executable, "-m", "busemu", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
+from programs import busemu
 
 
 @pytest.mark.parametrize(

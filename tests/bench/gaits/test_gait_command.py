@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from programs import busemu
 
 from bench.gaits.ledger import WALKS, Ledger
 from busemu.tables import load_robot
@@ -40,11 +41,6 @@ sys.argv = ["busemu", "gait-search", "--robot", "marvin", *sys.argv[2:]]
 from busemu.cli import main
 main()
 """
-
-
-def busemu(*words):
-    command = [sys.executable, "-m", "busemu", "gait-search", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
 
 def started(pauses, *words):
@@ -97,7 +93,7 @@ def family(group):
     ],
 )
 def test_bad_words_get_one_clear_line_and_no_folder(words, says, tmp_path):
-    done = busemu(*words, "--out", tmp_path / "out")
+    done = busemu("gait-search", *words, "--out", tmp_path / "out")
     assert done.returncode == 1
     (line,) = done.stderr.strip().splitlines()
     assert says in line
@@ -106,7 +102,7 @@ def test_bad_words_get_one_clear_line_and_no_folder(words, says, tmp_path):
 
 def test_a_model_of_another_robot_is_refused(tmp_path):
     other = load_robot("phantomx").path
-    done = busemu("--robot", "marvin", "--model", other, "--out", tmp_path / "out")
+    done = busemu("gait-search", "--robot", "marvin", "--model", other, "--out", tmp_path / "out")
     assert done.returncode == 1
     assert "is of phantomx, not of marvin" in done.stderr
 

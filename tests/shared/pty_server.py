@@ -8,13 +8,11 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-#: The longest any wait below may last [s]; it ends a test that fails, none that passes.
-PATIENCE_S = 20.0
+from programs import PATIENCE_S, until
 
 
 class Server:
@@ -58,14 +56,6 @@ def serving(*arguments: object, plant: str = "ideal") -> Iterator[Server]:
         yield server
     finally:
         server.kill_if_alive()
-
-
-def until(condition: object) -> None:
-    """Return once ``condition()`` is true; fail when that takes unreasonably long."""
-    end_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end_s, "waited in vain"
-        time.sleep(0.005)
 
 
 def processes_with(text: str) -> set[int]:
