@@ -347,7 +347,7 @@ def timing(
     ) as error:
         fail(" ".join([str(error), *getattr(error, "__notes__", [])]))
     except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
+        fail(error)
     except KeyboardInterrupt:
         typer.echo("interrupted; the servos are as they were")
         raise typer.Exit(130) from None
@@ -383,10 +383,8 @@ def demo(
         described = load_robot(robot)
         folder = out or Path(f"demo-{described.name}")
         result = run_demo(described, robot, folder, seconds, lambda text: typer.echo(f"- {text}"))
-    except (RobotError, TableError, DemoError) as error:
+    except (RobotError, TableError, DemoError, OSError) as error:
         fail(error)
-    except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
     except KeyboardInterrupt:
         typer.echo("interrupted; the server is stopped")
         raise typer.Exit(130) from None

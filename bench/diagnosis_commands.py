@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -16,8 +15,6 @@ from busemu.tables import RobotError, TableError, load_robot, robots
 from .stages import stages
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from busemu.tables import Robot
 
     from .diagnosis.joint import JointFindings
@@ -82,6 +79,7 @@ def diagnose(
     minutes; a run that was stopped goes on when the same command is given again. An arm is
     diagnosed joint by joint. What the words mean stands in docs/how-to/diagnose.md.
     """
+    from .console import for_tables
     from .diagnosis.journal import FOLDER, Journal
     from .diagnosis.report import Origin, write_report
     from .diagnosis.report.telling import unfinished
@@ -115,10 +113,8 @@ def diagnose(
                 model=str(out / "model.toml"),
             )
             write_report(out / "report.html", answers.diagnosis, answers.traces, origin)
-    except (RobotError, TableError, RecordingError, DiagnosisError) as error:
+    except (RobotError, TableError, RecordingError, DiagnosisError, OSError) as error:
         fail(error)
-    except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
     except KeyboardInterrupt:
         typer.echo(
             f"interrupted; files in {out} are whole, those of this run may be missing; "
@@ -132,7 +128,7 @@ def diagnose(
     if len(findings) > 1:
         _tell_joints(findings)
     written = [out / name for name in ("diagnosis.json", "model.toml", "report.html")]
-    show(answers.diagnosis, _console(), written, out / "model.toml")
+    show(answers.diagnosis, for_tables(), written, out / "model.toml")
 
 
 def _answers(
@@ -218,10 +214,3 @@ def _announce(robot: Robot, parts: Split) -> None:
             "note: too few groups of recordings to hold any out: what is found is judged on what "
             "was fitted; record more motions, or use --holdout"
         )
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    console = Console()
-    return console if console.is_terminal else Console(width=120)

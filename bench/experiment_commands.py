@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -124,7 +123,7 @@ def experiment(
     ) as error:
         fail(" ".join([str(error), *getattr(error, "__notes__", [])]))
     except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
+        fail(error)
     except KeyboardInterrupt as interrupt:
         _interrupted(campaign, getattr(interrupt, "__notes__", []))
     typer.echo(

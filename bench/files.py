@@ -22,7 +22,7 @@ from typing import Any, BinaryIO
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """Give a file to fill; it takes the name ``path`` when the block ends without an error.
 
-    Raises ``OSError`` if the disk says no; then a file of that name is as it was.
+    Raises ``OSError`` with that name if the disk says no; then a file of that name is as it was.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -31,6 +31,10 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             flush(file)
         part.replace(path)
         _keep_names(path.parent)
+    except OSError as error:
+        if error.errno is not None and error.filename in (None, str(part)):
+            error.filename = str(path)
+        raise
     finally:
         part.unlink(missing_ok=True)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -101,10 +100,8 @@ def gait_search(
         with Walks(Walker(described), processes) as walks, _bar(plan) as tell:
             result = GaitSearch(described, plan, ledger, walks, tell).run()
         written = write_report(result, out)
-    except (RobotError, TableError, ProfileError, PhysicsError, GaitSearchError) as error:
+    except (RobotError, TableError, ProfileError, PhysicsError, GaitSearchError, OSError) as error:
         fail(error)
-    except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
     except KeyboardInterrupt:
         kept = f"{len(ledger)} walks are kept in {out}" if ledger is not None else "nothing was run"
         typer.echo(f"interrupted; {kept}: the same command goes on")

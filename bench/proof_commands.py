@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -92,10 +91,8 @@ def prove(
         if baselines:
             _rounds("other methods", rivals.run(proof, baselines))
         score = write_score(proof, seed, published, second, baselines)
-    except ProofError as error:
+    except (ProofError, OSError) as error:
         fail(error)
-    except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
     except KeyboardInterrupt:
         typer.echo("interrupted; finished cases are kept, the same command goes on")
         raise typer.Exit(130) from None

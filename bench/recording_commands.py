@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,9 +41,10 @@ def inspect(
 
         busemu inspect logs/
     """
+    from .console import for_tables
     from .inspecting import Overview, report, write_pictures
 
-    console = _console()
+    console = for_tables()
     try:
         paths = _expanded(recordings)
         if out is not None:
@@ -63,7 +63,7 @@ def inspect(
                     for picture in write_pictures(recording, out):
                         console.print(f"picture {picture}", soft_wrap=True, highlight=False)
     except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
+        fail(error)
     except KeyboardInterrupt:
         typer.echo("interrupted")
         raise typer.Exit(130) from None
@@ -123,10 +123,8 @@ def import_(
                 typer.echo(f"{place}: {len(recording)} rows, {recording.duration_s:.3f} s")
                 for note in recording.metadata["import"].get("notes", []):
                     typer.echo(f"  note: {note}")
-    except RecordingError as error:
+    except (RecordingError, OSError) as error:
         fail(error)
-    except OSError as error:
-        fail(f"{error.filename}: {os.strerror(error.errno or 0)}")
     except KeyboardInterrupt:
         typer.echo("interrupted; the recordings named above are complete")
         raise typer.Exit(130) from None
@@ -181,10 +179,3 @@ def _bar(paths: list[Path], what: str, console: Console) -> Iterator[Path]:
 
     with Progress(console=console, transient=True) as bar:
         yield from bar.track(paths, description=what)
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    console = Console()
-    return console if console.is_terminal else Console(width=120)

@@ -56,7 +56,12 @@ app = typer.Typer(
 
 
 def fail(message: object) -> NoReturn:
-    """End the program with one line that says what is wrong and what to do."""
+    """End the program with one line that says what is wrong and what to do.
+
+    Of the system's errors about a file that is its name and what the system says.
+    """
+    if isinstance(message, OSError) and message.filename is not None and message.strerror:
+        message = f"{message.filename}: {message.strerror}"
     typer.secho(f"busemu: {message}", fg=typer.colors.RED, err=True)
     raise typer.Exit(1)
 

@@ -104,7 +104,7 @@ def walk(
             return constant
 
     run = _Run(control, controller, clock, progress)
-    present_rad = run.first_positions()
+    present_rad = first_positions(control)
     try:
         run.stand_up(present_rad)
         run.walk(seconds, steer, controller.gait.cycle_s if cycle_s is None else cycle_s)
@@ -117,6 +117,33 @@ def walk(
             raise WalkInterrupted(report) from error
         raise
     return run.let_go()
+
+
+def first_positions(control: RobotControl) -> Angles:
+    """Read every joint before anything moves; joint angles [rad] in the order of ``joints``.
+
+    A reply that is lost is asked for again, :data:`FIRST_READ_ATTEMPTS` times in all. Raises
+    :class:`JointSilentError`.
+    """
+    positions_rad = control.read_positions()
+    for _ in range(FIRST_READ_ATTEMPTS - 1):
+        if not np.isnan(positions_rad).any():
+            break
+        again_rad = control.read_positions()
+        positions_rad = np.where(np.isnan(positions_rad), again_rad, positions_rad)
+    silent = [
+        f"{joint} (servo {servo_id})"
+        for joint, servo_id, position in zip(
+            control.joints, control.ids, positions_rad, strict=True
+        )
+        if np.isnan(position)
+    ]
+    if silent:
+        raise JointSilentError(
+            f"no reply from {', '.join(silent)}: check power, wiring, IDs and baud rate; "
+            "nothing was switched on"
+        )
+    return positions_rad
 
 
 class _Run:
@@ -139,28 +166,6 @@ class _Run:
         self._silent_cycles = 0
         self._square_error = np.zeros(len(control.joints))
         self._samples = np.zeros(len(control.joints))
-
-    def first_positions(self) -> Angles:
-        """Read every joint before anything moves."""
-        positions_rad = self._control.read_positions()
-        for _ in range(FIRST_READ_ATTEMPTS - 1):
-            if not np.isnan(positions_rad).any():
-                break
-            again_rad = self._control.read_positions()
-            positions_rad = np.where(np.isnan(positions_rad), again_rad, positions_rad)
-        silent = [
-            f"{joint} (servo {servo_id})"
-            for joint, servo_id, position in zip(
-                self._control.joints, self._control.ids, positions_rad, strict=True
-            )
-            if np.isnan(position)
-        ]
-        if silent:
-            raise JointSilentError(
-                f"no reply from {', '.join(silent)}: check power, wiring, IDs and baud rate; "
-                "nothing was switched on"
-            )
-        return positions_rad
 
     def stand_up(self, present_rad: Angles) -> None:
         """Torque on where the joints are, then all of them slowly to the neutral posture."""

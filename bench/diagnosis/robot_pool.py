@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import threading
-import time
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields
@@ -14,6 +12,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.starter import end_with_starter
 from busemu.tables import Robot
 from sim.entries import PhysicsError
 from sim.model import read_model
@@ -25,8 +24,6 @@ from .robot_nuisances import RobotNuisance, Trial, trials, with_nuisances
 from .robot_replay import Course, Jitter, loaded, play
 
 Floats = NDArray[np.float64]
-
-WATCH_S = 1.0  #: how often a process looks whether the one that started it is still there
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +111,7 @@ def _begin(
     global _bench  # noqa: PLW0603 - one a process
     _bench = _Bench(robot, features, every)
 
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(WATCH_S)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    end_with_starter(parent)
 
 
 def _run(job: Job) -> Outcome:

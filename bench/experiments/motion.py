@@ -5,7 +5,6 @@ The torque goes on where the joints are and off at the end, whatever happens.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
@@ -14,10 +13,9 @@ import numpy as np
 from busemu.tables import Robot
 from hal.robot_control import Angles, RobotControl
 from hal.walk import (
-    FIRST_READ_ATTEMPTS,
     SILENT_CYCLES,
     BusSilentError,
-    JointSilentError,
+    first_positions,
 )
 
 from ..running import Session
@@ -53,7 +51,8 @@ class Motion:
         self._silent = 0
         tables = session.robot.tables
         self._slow = [(name, [i for i in self._watched.ids if name in tables[i]]) for name in slow]
-        self.goals_rad = dict(zip(self.control.joints, self._first_positions(), strict=True))
+        first_rad = first_positions(self.control).tolist()
+        self.goals_rad = dict(zip(self.control.joints, first_rad, strict=True))
         self.law_registers = read_law(session, watched)  #: raw, by joint and name
 
     def go(self, goals_rad: Mapping[str, float], seconds: float, *, smooth: bool = True) -> None:
@@ -107,27 +106,6 @@ class Motion:
                 f"the torque of {', '.join(off)} does not go on: a servo that has shut down needs "
                 "its supply switched off and on; then run the same command again"
             )
-
-    def _first_positions(self) -> list[float]:
-        positions = self.control.read_positions()
-        for _ in range(FIRST_READ_ATTEMPTS - 1):
-            if not np.isnan(positions).any():
-                break
-            again = self.control.read_positions()
-            positions = np.where(np.isnan(positions), again, positions)
-        silent = [
-            f"{joint} (servo {servo_id})"
-            for joint, servo_id, angle in zip(
-                self.control.joints, self.control.ids, positions.tolist(), strict=True
-            )
-            if math.isnan(angle)
-        ]
-        if silent:
-            raise JointSilentError(
-                f"no reply from {', '.join(silent)}: check power, wiring, IDs and baud rate; "
-                "nothing was switched on"
-            )
-        return list(positions.tolist())
 
 
 @contextmanager

@@ -10,19 +10,16 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import threading
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.synchronize import Event
 from types import TracebackType
 
+from ..starter import end_with_starter
 from .candidate import GaitSearchError
 from .outcome import Job, Outcome
 from .walking import Check
-
-WATCH_S = 1.0  #: how often a process looks whether the one that started it is still there
 
 Walk = Callable[[Job, Check], Outcome]
 
@@ -43,12 +40,7 @@ def _begin(walk: Walk, stop: Event, parent: int) -> None:
     for ending in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(ending, signal.SIG_DFL)
 
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(WATCH_S)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    end_with_starter(parent)
 
 
 def _check() -> None:

@@ -21,34 +21,17 @@ EFFECT = Effect(
     enters="body",
     equation="c = c of the robot file + (x, y, z), in the body's frame",
     source="rigid body; the inertia about the centre stays",
-    parameters=(
+    parameters=tuple(
         Parameter(
-            "x_m",
+            f"{axis}_m",
             "m",
             -0.1,
             0.1,
             typical=0.005,
             off=0.0,
             source="assumed: 3 to 5 mm on a small robot",
-        ),
-        Parameter(
-            "y_m",
-            "m",
-            -0.1,
-            0.1,
-            typical=0.005,
-            off=0.0,
-            source="assumed: 3 to 5 mm on a small robot",
-        ),
-        Parameter(
-            "z_m",
-            "m",
-            -0.1,
-            0.1,
-            typical=0.005,
-            off=0.0,
-            source="assumed: 3 to 5 mm on a small robot",
-        ),
+        )
+        for axis in "xyz"
     ),
     change=on_masses(moved),
 )

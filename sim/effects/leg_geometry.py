@@ -47,32 +47,17 @@ EFFECT = Effect(
     equation="length = length of the robot file + difference, by link",
     source="kinematic calibration; masses keep their places on the links",
     parameters=(
-        Parameter(
-            "coxa_m",
-            "m",
-            -0.015,
-            0.015,
-            typical=0.002,
-            off=0.0,
-            source="assumed: a hole off by a millimetre or two, a worn tip",
-        ),
-        Parameter(
-            "femur_m",
-            "m",
-            -0.015,
-            0.015,
-            typical=0.002,
-            off=0.0,
-            source="assumed: a hole off by a millimetre or two, a worn tip",
-        ),
-        Parameter(
-            "tibia_m",
-            "m",
-            -0.015,
-            0.015,
-            typical=0.002,
-            off=0.0,
-            source="assumed: a hole off by a millimetre or two, a worn tip",
+        *(
+            Parameter(
+                f"{segment}_m",
+                "m",
+                -0.015,
+                0.015,
+                typical=0.002,
+                off=0.0,
+                source="assumed: a hole off by a millimetre or two, a worn tip",
+            )
+            for segment in SEGMENTS
         ),
         Parameter(
             "yaw_rad",

@@ -47,32 +47,9 @@ EFFECT = Effect(
             off=0.0,
             source="330 g and 46 g are batteries of the reference robots",
         ),
-        Parameter(
-            "x_m",
-            "m",
-            -0.2,
-            0.2,
-            typical=0.0,
-            off=0.0,
-            source="assumed",
-        ),
-        Parameter(
-            "y_m",
-            "m",
-            -0.2,
-            0.2,
-            typical=0.0,
-            off=0.0,
-            source="assumed",
-        ),
-        Parameter(
-            "z_m",
-            "m",
-            -0.2,
-            0.2,
-            typical=0.0,
-            off=0.0,
-            source="assumed",
+        *(
+            Parameter(f"{axis}_m", "m", -0.2, 0.2, typical=0.0, off=0.0, source="assumed")
+            for axis in "xyz"
         ),
     ),
     change=change,

@@ -1,6 +1,7 @@
 """A file is whole or not there, whatever ends the writing; JSON is such as others can read."""
 
 import csv
+import errno
 import io
 import json
 import math
@@ -68,6 +69,19 @@ def test_an_error_leaves_the_old_file_and_no_part(tmp_path, fault):
         fill()
     assert path.read_text() == "old"
     assert names(tmp_path) == ["told.txt"]
+
+
+def test_an_error_of_the_disk_bears_the_name_of_the_file(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(FileNotFoundError) as missing:
+        write_text(tmp_path / "nowhere" / "told.txt", "text")
+    assert missing.value.filename == str(tmp_path / "nowhere" / "told.txt")
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space") as none_left:
+        write_text(tmp_path / "told.txt", "text")
+    assert none_left.value.filename == str(tmp_path / "told.txt")
 
 
 def test_bytes_are_on_the_disk_before_they_take_the_name(tmp_path, monkeypatch):
