@@ -203,8 +203,8 @@ class Fuzz:
             # The driver of a real port stops a program that is ahead of the wire.
             pause_s = chance.choice((0.0, 0.0, 1e-4, 2e-3, 0.12))
             self._now_s = max(self._now_s + pause_s, bus.line_free_s)
-            if len(bus._events) > MOST_EVENTS or bus.hearing.held > MOST_HELD:
-                raise FuzzError(f"{len(bus._events)} events, {bus.hearing.held} bytes held")
+            if len(bus.agenda) > MOST_EVENTS or bus.hearing.held > MOST_HELD:
+                raise FuzzError(f"{len(bus.agenda)} events, {bus.hearing.held} bytes held")
         self._now_s += QUIET_S
         answer += bus.poll(self._now_s)
         tally.bytes_sent += len(data)

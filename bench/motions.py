@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -20,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(ABC):
     """A goal over time: ``center_rad`` and what is added to it, at most ``amplitude_rad``."""
 
     name: ClassVar[str] = ""
@@ -35,9 +36,9 @@ class Motion:
         t = np.clip(np.asarray(t_s, dtype=np.float64), 0.0, self.duration_s)
         return self.center_rad + self.amplitude_rad * self.shape(t)
 
+    @abstractmethod
     def shape(self, t_s: Floats) -> Floats:
         """The motion from -1 to 1, at times [s] within the duration."""
-        raise NotImplementedError(f"{type(self).__name__} is the base of motions, not a motion")
 
     @property
     def torque_off_s(self) -> float | None:

@@ -51,7 +51,7 @@ class Session:
         return self.recorder.recording(self.metadata(name, group, **condition))
 
     def metadata(self, name: str, group: str, **condition: Any) -> dict[str, Any]:
-        """Metadata of a recording of this session."""
+        """Metadata of a recording of what this program did."""
         return of_robot(self.robot, name=name, source=self.source, group=group, condition=condition)
 
 

@@ -13,13 +13,12 @@ event the plant is advanced to exactly its instant.
 
 from __future__ import annotations
 
-import heapq
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
 from . import usb2ax
+from .agenda import Agenda, Event
 from .faults import Faults
 from .group import GroupRead, group_read, group_writes, superpose
 from .hearing import Hearing
@@ -42,8 +41,6 @@ HOUSEKEEPING_S = 0.010
 #: Largest difference of baud rates that still lets a frame of ten bits through. Source: UART, half
 #: a bit in ten at most, shared by both sides.
 BAUD_TOLERANCE = 0.03
-
-Event = Callable[[float], object]
 
 
 class Bus:
@@ -76,18 +73,15 @@ class Bus:
         self._start_s = start_s
         self.hearing = Hearing(self, protocol, start_s)
         self._frame = v1.status_frame if protocol == 1.0 else v2.status_frame
-        self._events: list[tuple[float, int, Event]] = []
-        self._order = itertools.count()
+        self.agenda = Agenda()
         self.uplink = Uplink(profile)
         self._out_free_s = start_s  #: when the adapter can begin with the next packet
         self._last_byte_s = start_s  #: end of the last byte that a servo's receiver has seen
         self._out_start_s = start_s  #: when the host's last unbroken run begins on the wire
         self._reply_s = (start_s, start_s)  #: when the last reply begins and ends on the wire
         for index, servo in enumerate(self.servos):
-            self.schedule(
-                start_s + HOUSEKEEPING_S * index / len(self.servos),
-                partial(self._keep_house, servo),
-            )
+            turn_s = start_s + HOUSEKEEPING_S * index / len(self.servos)
+            self.agenda.every(turn_s, HOUSEKEEPING_S, servo.tick)
 
     # -- the caller's three calls --------------------------------------------------------------
 
@@ -111,7 +105,7 @@ class Bus:
 
     def next_deadline_s(self) -> float:
         """When something happens next: an event on the bus, or bytes for the host [s]."""
-        event_s = self._events[0][0]
+        event_s = self.agenda.next_s()
         ready_s = self.uplink.next_deadline_s()
         return event_s if ready_s is None else min(event_s, ready_s)
 
@@ -126,8 +120,8 @@ class Bus:
 
     def poll(self, now_s: float) -> bytes:
         """Let everything happen that is due by ``now_s``; the bytes the host has by then."""
-        while self._events[0][0] <= now_s:
-            at_s, _, event = heapq.heappop(self._events)
+        while self.agenda.next_s() <= now_s:
+            at_s, event = self.agenda.take()
             self.advance_plant(at_s)
             event(at_s)
         return self.deliver(now_s)
@@ -147,12 +141,7 @@ class Bus:
 
     def every(self, period_s: float, event: Event) -> None:
         """Call ``event`` with the instant [s], at once and then every ``period_s`` of bus time."""
-
-        def recur(now_s: float) -> None:
-            event(now_s)
-            self.schedule(now_s + period_s, recur)
-
-        self.schedule(self.plant_s, recur)
+        self.agenda.every(self.plant_s, period_s, event)
 
     # -- packets -------------------------------------------------------------------------------
 
@@ -380,14 +369,11 @@ class Bus:
         if data[lost:]:
             self.uplink.carry(data[lost:], start_s + lost * byte_s, byte_s)
 
-    def _keep_house(self, servo: Servo, now_s: float) -> None:
-        self.every(HOUSEKEEPING_S, servo.tick)
-
     # -- the rest ------------------------------------------------------------------------------
 
     def schedule(self, at_s: float, event: Event) -> None:
         """Have ``event`` called with the instant ``at_s`` [s], once the plant is there."""
-        heapq.heappush(self._events, (at_s, next(self._order), event))
+        self.agenda.put(at_s, event)
 
     def hand_up(self, data: bytes, at_s: float) -> None:
         """Give the host bytes that the adapter made itself at ``at_s``; it was busy until then."""
