@@ -113,13 +113,14 @@ def load_profile(name_or_path: str | Path) -> Profile:
                 f"no timing profile named {str(name_or_path)!r}: use one of "
                 f"{', '.join(profiles())}, or the path of a profile ending in .toml"
             )
-    return _profile(read_toml(path, ProfileError), path)
+    document = read_toml(path, ProfileError)
+    if not document:
+        raise ProfileError(f"{path}: empty: a profile says where its times are from (source = ...)")
+    return _profile(document, path)
 
 
 def _profile(document: dict[str, Any], path: Path) -> Profile:
     known = {f.name: f.type for f in fields(Profile)}
-    if not document:
-        raise ProfileError(f"{path}: empty: a profile gives at least one of {', '.join(known)}")
     base = Profile(name=path.stem)
     values: dict[str, Any] = {}
     for key, value in document.items():

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from programs import busemu, fails_in_one_line
@@ -39,10 +40,21 @@ def test_a_virtual_walk_writes_a_recording_that_reads_back(tmp_path, suffix):
         (["walk", "--robot", "marvin", "--virtual", "--seconds", "0"], "--seconds"),
         (["walk", "--robot", "marvin", "--virtual", "--v-left", "40"], "reach"),
         (["walk", "--robot", "marvin", "--virtual", "--record", "walk.txt"], "parquet"),
+        (["walk", "--robot", "marvin", "--virtual", "--record", "a.parquet"], "a folder has that"),
         (["demo", "--robot", "nobody"], "no robot named 'nobody': use one of "),
+        (["demo", "--robot", "arm"], "cannot walk"),
+        (["demo", "--out", "a.parquet/file/y"], "a.parquet/file"),
+        (["timing", "--robot", "arm", "--virtual", "--out", "a.parquet/file"], "File exists"),
+        (["timing", "--robot", "arm", "--virtual", "--fit", "none/b.toml"], "no folder none"),
+        (["serve", "--robot", "arm", "--plant", "ideal", "--link", "/proc/link"], "/proc/link: "),
+        (["import", "auto", "a.parquet/c.parquet", "--out", "b"], "look with busemu inspect"),
     ],
 )
-def test_bad_words_get_one_clear_line_and_a_failure(words, says):
+def test_bad_words_get_one_clear_line_and_a_failure(words, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a.parquet").mkdir()
+    for name in ("file", "c.parquet"):
+        Path("a.parquet", name).write_text("no recording")
     fails_in_one_line(busemu(*words), says)
 
 

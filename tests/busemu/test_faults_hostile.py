@@ -62,7 +62,7 @@ def assert_answers(bench: FaultBench) -> None:
     bench.port.openPort()
     bus = bench.bus
     assert bus.next_reply_s() is None
-    assert len(bus._events) <= 2 * len(bus.servos) + 2
+    assert len(bus.agenda) <= 2 * len(bus.servos) + 2
     ids = [servo.servo_id for servo in bus.servos]
     for servo in bus.servos:
         if ids.count(servo.servo_id) == 1 and servo.servo_id < 253:
@@ -126,7 +126,7 @@ def test_a_long_run_of_faults_holds_no_more_than_a_short_one(model, tmp_path):
                     {"kind": "dead", "servo": 1, "for_s": 0.01}, "test", bench.robot
                 )
                 bench.faults.add(fault)
-            most = max(most, len(bench.bus._events) + bench.bus.hearing.held)
+            most = max(most, len(bench.bus.agenda) + bench.bus.hearing.held)
         worst.append(most)
     assert worst[1] <= worst[0] + 5
     assert bench.bus.hearing.held <= 1031

@@ -36,7 +36,7 @@ def assert_lives(bench: Bench) -> None:
     """It answers a ping of some servo at some baud rate, and holds next to nothing."""
     bench.sleep(3.0)
     bus = bench.bus
-    assert len(bus._events) <= 2 * len(bus.servos) + 2
+    assert len(bus.agenda) <= 2 * len(bus.servos) + 2
     assert bus.hearing.held <= 1031
     assert bus.next_reply_s() is None
     servo = bus.servos[0]
@@ -114,7 +114,7 @@ def test_a_million_hostile_bytes_are_survived(model: str) -> None:
         # The driver of a real port stops a program that is ahead of the wire; so does this one.
         bench.clock.sleep_until(bench.bus.line_free_s)
         bench.bus.poll(bench.now_s())
-        worst = max(worst, len(bench.bus._events))
+        worst = max(worst, len(bench.bus.agenda))
         assert bench.bus.hearing.held <= 1031
     assert worst < 300
     assert_lives(bench)

@@ -309,6 +309,7 @@ def test_ideal_profile_file_is_the_profile_without_any_time() -> None:
         ("latency_timer_s = 0.016", "latency_timer_s", "chunk_bytes"),
         ("interrupt_busy_s = 2.0\ninterrupt_period_s = 1.0", "interrupt_busy_s", "longer"),
         ("host_out_s 1", "", "not a TOML file"),
+        ("", "source", "empty"),
     ],
 )
 def test_profile_file_is_refused_with_file_key_and_rule(

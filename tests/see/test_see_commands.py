@@ -93,6 +93,7 @@ def test_raw_bytes_are_understood(tmp_path):
     [
         (["decode", "FF", "FG"], "not hex: 'FG'"),
         (["decode", "FFF"], "not hex: 'FFF'"),
+        (["decode", "nowhere.trace"], "there is no file of that name"),
         (["decode", ""], "empty"),
         (["decode", "b'\\xf'"], "not a Python bytes literal"),
         (["decode", "--protocol", "3", "FF"], "--protocol is 1 or 2"),

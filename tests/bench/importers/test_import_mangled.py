@@ -108,8 +108,8 @@ def test_a_list_of_joints_replaced_by_any_text(tmp_path_factory, cell, row):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "none of the known formats"),
-        (b"\x00\x01\x02\xff", "none of the known formats"),
+        (b"", "the file is empty"),
+        (b"\x00\x01\x02\xff", "known formats: say what its columns are in log.columns.toml"),
         (b'{"entries": [], "timestamp": 0}', "entries is no list of samples"),
         (b'{"entries": [{"timestamp": 0', "not JSON"),
         (b"time_us,reg30,reg30\n0,1,2\n", "column 'reg30' is there twice"),

@@ -23,6 +23,7 @@ from foreign_logs import (
 from bench.importers import FORMATS, import_file, open_recordings, recognise
 from bench.recording import RecordingError, joint_track, write
 from bench.recording.columns import numbers
+from bench.recording_commands import import_
 
 
 def notes(recording):
@@ -301,6 +302,6 @@ def test_a_folder_without_recordings_and_a_file_of_no_format_say_so(tmp_path):
         import_file(tmp_path / "notes.csv", "word")
 
 
-def test_every_format_says_what_it_is_for():
+def test_the_formats_are_those_that_the_help_names():
     assert set(FORMATS) == {"bam", "so101", "dynaban", "telemetry", "wide-csv"}
-    assert all(form.what for form in FORMATS.values())
+    assert all(name in import_.__doc__ for name in FORMATS)
