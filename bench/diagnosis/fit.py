@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from .journal import digest
 from .knobs import TWINS
 from .model import Blocks, Hypothesis, JointModel, Kind
-from .noise import CLIP, Block, Noise, cost, estimate, whiten
+from .noise import Block, Noise, cost, estimate, huber_weight, whiten
 
 Floats = NDArray[np.float64]
 
@@ -310,7 +310,7 @@ def least_squares(
     now = costs([z])[0]
     for _ in range(evaluations):
         residual, jacobian = linearise(model, hypothesis, z, noise, which)
-        weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+        weight = huber_weight(residual)
         normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior)
         slope = jacobian.T @ (weight * residual) + prior * z
         scale = np.maximum(np.diag(normal), 1e-9)

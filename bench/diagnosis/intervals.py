@@ -14,19 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from .fit import EDGE, Around, Fit, bounds, fit
+from .confidence import NORMAL, estimate, sandwich, state, stretches
+from .fit import Around, Fit, bounds, fit
 from .floor import ENGINE_RAD
 from .model import JointModel, Kind
-from .noise import CLIP, whiten
+from .noise import huber_weight, whiten
 from .result import Estimate
 
 Floats = NDArray[np.float64]
 
-STRETCH_S = 0.5  #: of time over which scores are summed; assumed longer than any memory
 ENGINE_S = 0.3  #: assumed memory of what two simulations differ by
 DRAWS = 40  #: of such a difference
 KEPT = 0.2  #: of what seems to be known in a direction, however rough
-NORMAL = 1.96  #: deviations of an interval of 95 %
 FALL = 0.5 * NORMAL**2  #: of the likelihood at its ends [nats, deflated]
 REACH = (1.0, 2.0, 4.0)  #: half widths at which an end is looked for
 SOON = 0.5  #: of the fall, at which the formula's end holds
@@ -66,7 +65,7 @@ class Spread:
             size, change = around.forward()
             jacobian, added = change / size, np.zeros(len(size))
         self.blocks = model.residuals(found.hypothesis, [found.z])[0]
-        weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+        weight = huber_weight(residual)
         self.weighted = jacobian * weight[:, None]
         self.scores = self.weighted * residual[:, None]
         self.prior = np.zeros(jacobian.shape[1])
@@ -77,20 +76,13 @@ class Spread:
         free = np.flatnonzero(low < high)
         self.believed: Floats = np.zeros_like(normal)
         self.believed[np.ix_(free, free)] = np.linalg.pinv(normal[np.ix_(free, free)])
-        starts, recordings = [], []
-        for number, ((r, _), block) in enumerate(self.blocks.items()):
-            starts.append(1e6 * number + np.floor(block.t_s / STRETCH_S))
-            recordings.append(np.full(len(block.t_s), r))
-        self.stretches = np.unique(np.concatenate(starts), return_inverse=True)[1]
+        recordings = [np.full(len(block.t_s), r) for (r, _), block in self.blocks.items()]
+        self.stretches = stretches(block.t_s for block in self.blocks.values())
         self.recordings = np.unique(np.concatenate(recordings), return_inverse=True)[1]
 
     def sandwich(self, cluster: NDArray[np.intp]) -> Floats:
         """Covariance when scores are summed over clusters of samples."""
-        scores = np.zeros((int(cluster.max()) + 1, self.scores.shape[1]))
-        np.add.at(scores, cluster, self.scores)
-        middle = scores.T @ scores + np.diag(self.prior)
-        covariance: Floats = self.believed @ middle @ self.believed
-        return covariance
+        return sandwich(self.believed, self.scores, cluster, self.prior)
 
     def between_recordings(self) -> Floats:
         """Variances when scores are summed over recordings, widened as these are few."""
@@ -181,35 +173,16 @@ def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]
     """Parameters of an effect with their intervals and states."""
     spread = Spread(model, found)
     variances = spread.variances()
-    believed = spread.believed
     low, high = bounds(model, found.hypothesis)
     count = len(model.nuisances)
-    correlation = believed / np.sqrt(np.outer(np.diag(believed), np.diag(believed)) + 1e-300)
     names = [n.name for n in model.nuisances] + [k.name for k in found.hypothesis.knobs]
+    names = [name if low[j] < high[j] else "" for j, name in enumerate(names)]
     made = {}
     for i, knob in enumerate(found.hypothesis.knobs):
         if knob.effect != effect:
             continue
         k = count + i
-        z, deviation = float(found.z[k]), float(np.sqrt(variances[k]))
-        ends = [
-            knob.value(min(high[k], max(low[k], end)))
-            for end in interval(model, found, spread, variances, k)
-        ]
-        other = max(
-            (abs(correlation[k, j]), j) for j in range(len(names)) if j != k and low[j] < high[j]
-        )
-        if believed[k, k] > 1e6:
-            state = "dead"
-        elif deviation > 3.0 * max(1.0, abs(z)):
-            state = "flat"
-        elif z <= low[k] + EDGE or z >= high[k] - EDGE:
-            state = "at bound"
-        elif other[0] > 0.9:
-            state = f"trade-off with {names[other[1]]}"
-        else:
-            state = "pinned"
-        made[knob.parameter.name] = Estimate(
-            knob.value(z), (min(ends), max(ends)), knob.parameter.unit, state
-        )
+        ends = interval(model, found, spread, variances, k)
+        said = state(found.z, k, float(np.sqrt(variances[k])), knob, spread.believed, names)
+        made[knob.parameter.name] = estimate(knob, float(found.z[k]), ends, said)
     return made

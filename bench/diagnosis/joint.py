@@ -28,7 +28,7 @@ from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
 from .remainder import Remainder, remainder
 from .renewed import load_refresh
-from .result import Cause, Diagnosis, FitSummary
+from .result import Cause, Diagnosis, FitSummary, verdict_of
 from .rivals import contemporaries, rivals
 from .search import Progress, held_out, score_outside
 from .settling import explained, is_structured, settle
@@ -125,12 +125,7 @@ def diagnose_joint(
     left = block_rms(blocks, Kind.POSITION)
     unnamed = any(cause.effect not in seen for cause in in_data)
     structured = unnamed or is_structured(rest, left, floor)
-    verdict = {
-        (False, False): "consistent",
-        (False, True): "unexplained",
-        (True, False): "explained",
-        (True, True): "partly_explained",
-    }[bool(causes), structured]
+    verdict = verdict_of(bool(causes), structured)
     judged_before = judge.residuals(Hypothesis(), [before.z])[0]
     diagnosis = Diagnosis(
         verdict=verdict,

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .confidence import NORMAL
 from .noise import CLIP
 from .observed import Observed
 from .result import Cause, Estimate
-
-Z95 = 1.96
 
 
 def lost_samples(observed: Sequence[Observed], deviation_rad: float) -> Cause | None:
@@ -30,9 +29,9 @@ def lost_samples(observed: Sequence[Observed], deviation_rad: float) -> Cause | 
     if not jumps:
         return None
     share = len(jumps) / count
-    centre = (share + Z95**2 / (2 * count)) / (1 + Z95**2 / count)
-    half = math.sqrt(share * (1 - share) / count + (Z95 / (2 * count)) ** 2) * Z95
-    half /= 1 + Z95**2 / count
+    centre = (share + NORMAL**2 / (2 * count)) / (1 + NORMAL**2 / count)
+    half = math.sqrt(share * (1 - share) / count + (NORMAL / (2 * count)) ** 2) * NORMAL
+    half /= 1 + NORMAL**2 / count
     gain = sum(CLIP * (jump / deviation_rad) - 0.5 * CLIP**2 for jump in jumps)
     return Cause(
         effect="lost_samples",

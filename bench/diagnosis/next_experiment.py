@@ -8,7 +8,7 @@ the two is then the true one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -130,11 +130,8 @@ def next_experiments(
     imagined = JointModel(model.base, model.robot, [c.observed for c in choices])
     found = []
     for rival, other in rivals.items():
-        distances = [
-            _distance(imagined, named, other, r) / np.sqrt(inflation) for r in range(len(choices))
-        ]
-        best = int(np.argmax(distances))
-        power = NormalDist().cdf(0.5 * float(distances[best]))
+        distances = [_distance(imagined, named, other, r) for r in range(len(choices))]
+        best, power = most_telling(distances, inflation)
         document = choices[best].plan.document()
         names = sorted(set(named.hypothesis.effects) ^ {rival, *other.hypothesis.effects})
         found.append(
@@ -152,8 +149,24 @@ def _distance(model: JointModel, named: Fit, other: Fit, r: int) -> float:
     ]
     _, differences = whitened(blocks, named.noise)
     apart = differences[:, 0]
-    count = len(model.nuisances)
-    tangents = jacobian[:, :count]
-    normal = tangents.T @ tangents + np.eye(count)
-    apart = apart - tangents @ np.linalg.solve(normal, tangents.T @ apart)
-    return float(np.linalg.norm(apart)) if len(residual) else 0.0
+    return adapted(apart, jacobian[:, : len(model.nuisances)]) if len(residual) else 0.0
+
+
+def adapted(apart: Floats, tangents: Floats) -> float:
+    """Length of a whitened difference (n,) once nuisances have done what they can about it.
+
+    ``tangents`` (n, k) are what a deviation of each does.
+    """
+    normal = tangents.T @ tangents + np.eye(tangents.shape[1])
+    left = apart - tangents @ np.linalg.solve(normal, tangents.T @ apart)
+    return float(np.linalg.norm(left))
+
+
+def most_telling(distances: Sequence[float], inflation: float) -> tuple[int, float]:
+    """The experiment in which two hypotheses are farthest apart, and its power.
+
+    ``inflation`` is how much too sure the likelihood is of a difference.
+    """
+    deflated = [distance / np.sqrt(inflation) for distance in distances]
+    best = int(np.argmax(deflated))
+    return best, NormalDist().cdf(0.5 * float(deflated[best]))

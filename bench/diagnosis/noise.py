@@ -118,6 +118,12 @@ def huber(z: Floats) -> Floats:
     return cost
 
 
+def huber_weight(z: Floats) -> Floats:
+    """Weight of an innovation in least squares: 1 up to :data:`CLIP`, less the farther beyond."""
+    weight: Floats = np.minimum(1.0, CLIP / np.maximum(np.abs(z), CLIP))
+    return weight
+
+
 def cost(block: Block, noise: Noise) -> float:
     """Negative log-likelihood [nats] of a block, without its constants."""
     z, logs = whiten(block, noise, block.value[:, None])

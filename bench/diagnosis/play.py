@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .confidence import NORMAL
 from .observed import Observed
 from .result import Cause, Estimate, Rival
 
@@ -25,7 +26,6 @@ STANDING_S = 0.25  #: for which a joint must stand still for a level to count; a
 STANDING_COUNTS = 1.5  #: of the register that a joint at a standstill may move
 BACK_COUNTS = 1.5  #: that a joint must come back when it is let go, or go when it is pushed
 LEAST = 3  #: pushes to either side
-T95 = 1.96
 ALIKE = ("coulomb_friction", "dead_zone")  #: what keeps a joint off its goal as well
 
 
@@ -75,7 +75,7 @@ def play_cause(seen: Play, joint: str, deviation_rad: float) -> Cause:
     ``deviation_rad`` is that of an ordinary residual: the gain [nats] is what the pushes would cost
     if nothing kept the joint away from its goal.
     """
-    half = T95 * seen.kept_error_rad
+    half = NORMAL * seen.kept_error_rad
     ends = (max(0.0, seen.kept_rad - half), seen.kept_rad + half)
     share = 1.0 / (1.0 + len(ALIKE))
     return Cause(

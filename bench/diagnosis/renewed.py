@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .confidence import NORMAL
 from .observed import Channel, Observed
 from .result import Cause, Estimate
 
-Z95 = 1.96
 LEAST = 30  #: changes of the register that are needed
 SELDOM = 0.2  #: of the gaps between changes may be shorter than the period
 LONGER = 2.5  #: samples that a period must last: else each may well be new
@@ -47,7 +47,7 @@ def load_refresh(observed: Sequence[Observed], believed_s: float) -> Cause | Non
     off = np.abs(every - turns * period)
     if few.sum() < LEAST or np.mean(off[few] <= SAMPLES_OFF * step) < STEADY:
         return None
-    half = Z95 * step / math.sqrt(float(few.sum()))
+    half = NORMAL * step / math.sqrt(float(few.sum()))
     return Cause(
         effect="load_refresh",
         scope=(observed[0].joint,),

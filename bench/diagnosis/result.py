@@ -11,6 +11,14 @@ from bench.files import finite
 FORMAT = "busemu-diagnosis/1"
 VERDICTS = ("consistent", "explained", "partly_explained", "unexplained")
 
+
+def verdict_of(named: bool, left: bool) -> str:
+    """The verdict where causes are named or not, and something that repeats is left or not."""
+    if named:
+        return "partly_explained" if left else "explained"
+    return "unexplained" if left else "consistent"
+
+
 #: effects that say a number was wrong; all others say that physics was missing
 WRONG_VALUES = frozenset(
     {

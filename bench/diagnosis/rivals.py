@@ -68,13 +68,22 @@ def _among(
     """Probability of an effect among some that were fitted in its place, and those close behind."""
     scale = float(np.exp(np.mean(np.log([own_inflation, *(g.inflation for g in tried)]))))
     own = own_nats / scale
-    gains = {g.effect: g.nats / scale for g in tried}
-    weights = {other: float(np.exp(TEMPER * min(0.0, g - own))) for other, g in gains.items()}
-    total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, own)))
-    total /= 1.0 - NONE
+    behind = {g.effect: own - g.nats / scale for g in tried}
+    probability, others = chances(own, behind)
     close = [
-        Rival(other, (model.observed[0].joint,), weights[other] / total, own - gain)
-        for other, gain in gains.items()
-        if own - gain < CLOSE
+        Rival(other, (model.observed[0].joint,), others[other], nats)
+        for other, nats in behind.items()
+        if nats < CLOSE
     ]
-    return 1.0 / total, sorted(close, key=lambda r: r.behind_nats)
+    return probability, sorted(close, key=lambda r: r.behind_nats)
+
+
+def chances(own_nats: float, behind_nats: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+    """Probability of an effect, and of others that are so far behind it in its place.
+
+    All gains [nats] are deflated. What is left to 1 is that of nothing in the catalogue.
+    """
+    weights = {o: float(np.exp(-TEMPER * max(0.0, b))) for o, b in behind_nats.items()}
+    total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, own_nats)))
+    total /= 1.0 - NONE
+    return 1.0 / total, {other: weight / total for other, weight in weights.items()}

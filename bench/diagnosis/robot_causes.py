@@ -6,15 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .confidence import NORMAL, estimate, state
 from .result import Cause, Estimate, Rival
-from .rivals import CLOSE, TEMPER
+from .rivals import CLOSE, chances
 from .robot_effects import Placed
 from .robot_fit import RobotFit
 from .robot_model import RobotModel
 from .robot_search import RobotFindings, RobotGain, RobotSearch
-
-EDGE = 1e-3  #: how close to a bound a knob counts as at it
-WIDE = 3.0  #: times its size that a deviation is, from which a number is called flat
 
 
 def scope_of(placed: Placed, model: RobotModel) -> tuple[str, ...]:
@@ -37,7 +35,7 @@ def cause_of(
     return Cause(
         effect=placed.effect.name,
         scope=scope_of(placed, model),
-        parameters={placed.parameter.name: estimate(search, after, gain.name)},
+        parameters={placed.parameter.name: number_of(search, after, gain.name)},
         held_out_gain_nats=held_out,
         explained_share=explained,
         probability=probability,
@@ -62,14 +60,13 @@ def _rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> tuple[f
     for name, cosine in found.alike.get(gain.name, ()):
         if name not in known:  # what is left of a trace beside another is not taken by it
             seen(name, gain.deflated * (1.0 - cosine**2))
-    weights = {other: float(np.exp(-TEMPER * max(0.0, b))) for other, (b, _) in behind.items()}
-    total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, gain.deflated)))
+    own, others = chances(gain.deflated, {other: nats for other, (nats, _) in behind.items()})
     close = [
-        Rival(other, scope_of(model.placed[name], model), weights[other] / total, nats)
+        Rival(other, scope_of(model.placed[name], model), others[other], nats)
         for other, (nats, name) in behind.items()
         if nats < CLOSE
     ]
-    return 1.0 / total, sorted(close, key=lambda rival: rival.behind_nats)
+    return own, sorted(close, key=lambda rival: rival.behind_nats)
 
 
 def close_rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> list[RobotGain]:
@@ -87,25 +84,13 @@ def _step(found: RobotFindings, gain: RobotGain) -> Sequence[RobotGain]:
     return next((step for step in found.tried if any(g is gain for g in step)), ())
 
 
-def estimate(search: RobotSearch, fit: RobotFit, name: str) -> Estimate:
+def number_of(search: RobotSearch, fit: RobotFit, name: str) -> Estimate:
     """A number with its interval from the sandwich variance, and whether the data pins it."""
     model = search.model
     believed, sandwich = search.sight.covariances(fit)
     k = len(fit.nuisances) + fit.names.index(name)
     knob = model.placed[name].knob
-    low, high = knob.bounds
     z, deviation = float(fit.z[k]), float(np.sqrt(max(sandwich[k, k], believed[k, k])))
-    ends = [knob.value(min(high, max(low, z + side * 1.96 * deviation))) for side in (-1, 1)]
-    spread = np.sqrt(np.maximum(np.diag(believed), 1e-300))
-    alike = np.abs(believed[k] / spread / spread[k])
-    alike[k] = 0.0
-    names = [*(n.name for n in model.nuisances), *fit.names]
-    if deviation > WIDE * max(1.0, abs(z)):
-        state = "flat"
-    elif z <= low + EDGE or z >= high - EDGE:
-        state = "at bound"
-    elif float(alike.max()) > 0.9:
-        state = f"trade-off with {names[int(np.argmax(alike))]}"
-    else:
-        state = "pinned"
-    return Estimate(knob.value(z), (min(ends), max(ends)), knob.parameter.unit, state)
+    others = [*(n.name for n in model.nuisances), *fit.names]
+    ends = [z + side * NORMAL * deviation for side in (-1, 1)]
+    return estimate(knob, z, ends, state(fit.z, k, deviation, knob, believed, others))

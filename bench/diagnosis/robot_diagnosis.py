@@ -13,8 +13,9 @@ from bench.recording import Recording
 from busemu.tables import Robot
 from sim.model import Addition, read_model
 
+from .growing import RELIEF
 from .journal import Journal
-from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment
+from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, verdict_of
 from .robot_causes import cause_of, close_rivals
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
@@ -29,7 +30,6 @@ from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
 
 Floats = NDArray[np.float64]
 
-RELIEF = 0.04  #: of the squared floor that a name must take off the mean square where it is judged
 FAR = 3.0  #: deviations of its prior at which a tolerance is worth a word
 
 
@@ -104,12 +104,7 @@ class _Work:
         better = believed
         if taken:
             better = judge(model, self.robot, after.nuisances, extra, self.judges)
-        verdict = {
-            (False, False): "consistent",
-            (False, True): "unexplained",
-            (True, False): "explained",
-            (True, True): "partly_explained",
-        }[bool(causes), rest.structured]
+        verdict = verdict_of(bool(causes), rest.structured)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
             verdict=verdict,

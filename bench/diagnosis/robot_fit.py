@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .noise import CLIP, Noise, cost, estimate, whiten
+from .confidence import sandwich, stretches
+from .noise import Noise, cost, estimate, huber_weight, whiten
 from .robot_features import RobotKind
 from .robot_model import RobotBlocks, RobotModel
 
@@ -23,7 +24,6 @@ ROUNDS = 6  #: of fitting and of estimating the noise in turns, at most
 STEPS = 4  #: of least squares in a round, at most
 SHORTER = (1.0, 0.5, 0.2, 0.05)  #: shares of a step that are tried
 ENOUGH = 0.3  #: gain [nats] at which a fit is done
-STRETCH_S = 0.5  #: of the phase over which scores are summed; assumed longer than any memory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +140,7 @@ class Sight:
         now = self.cost(blocks, noise) + self._prior(z, names)
         for _ in range(STEPS):
             residual, jacobian = self.linearised(names, z, noise, which)
-            weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+            weight = huber_weight(residual)
             normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
             slope = jacobian.T @ (weight * residual) + prior * z
             way = -np.linalg.solve(normal, slope)
@@ -189,24 +189,20 @@ class Sight:
     def covariances(self, found: RobotFit) -> tuple[Floats, Floats]:
         """What the likelihood believes of a vector's errors, and what scores by stretch say."""
         residual, jacobian = self.linearised(found.names, found.z, found.noise)
-        weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
-        stretch = []
-        for number, block in enumerate(self.blocks(found.names, found.z).values()):
-            stretch.append(np.floor(block.t_s / STRETCH_S) + 1e6 * number)
-        _, cluster = np.unique(np.concatenate(stretch), return_inverse=True)
-        scores = np.zeros((int(cluster.max()) + 1, jacobian.shape[1]))
-        np.add.at(scores, cluster, jacobian * (weight * residual)[:, None])
+        weight = huber_weight(residual)
+        scores = jacobian * (weight * residual)[:, None]
+        cluster = stretches(b.t_s for b in self.blocks(found.names, found.z).values())
         prior = np.ones(len(found.z))
         prior[len(found.z) - len(found.names) :] = 0.0
         normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
         believed = np.asarray(np.linalg.inv(normal), np.float64)
-        return believed, believed @ (scores.T @ scores + np.diag(prior)) @ believed
+        return believed, sandwich(believed, scores, cluster, prior)
 
     def inflation(self, found: RobotFit, name: str) -> float:
         """How much too narrow the likelihood believes a knob to be, at least 1."""
-        believed, sandwich = self.covariances(found)
+        believed, shown = self.covariances(found)
         k = len(found.z) - len(found.names) + found.names.index(name)
-        return max(1.0, float(sandwich[k, k] / believed[k, k]))
+        return max(1.0, float(shown[k, k] / believed[k, k]))
 
     def without(self, found: RobotFit, name: str, rounds: int = ROUNDS) -> RobotFit:
         """The fit again without one effect."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from busemu.tables import Robot
 from sim.stepped import TICK_S
 
+from .next_experiment import adapted, most_telling
 from .noise import Noise
 from .result import NextExperiment
 from .robot_features import RobotKind
@@ -83,12 +83,11 @@ def next_experiments(
     found = []
     with RobotModel(model.base, robot, [choice.course for choice in choices]) as imagined:
         for rival, other in rivals.items():
-            apart = [
-                _apart(Sight(imagined, [r], tuple(RobotKind)), named, other, noise)
-                / np.sqrt(inflation)
+            distances = [
+                _distance(Sight(imagined, [r], tuple(RobotKind)), named, other, noise)
                 for r in range(len(choices))
             ]
-            best = int(np.argmax(apart))
+            best, power = most_telling(distances, inflation)
             names = {n.partition("@")[0] for n in named.names}
             others = {n.partition("@")[0] for n in other.names}
             found.append(
@@ -96,22 +95,16 @@ def next_experiments(
                     choices[best].experiment,
                     dict(choices[best].arguments),
                     tuple(sorted(names ^ others)) or (rival,),
-                    NormalDist().cdf(0.5 * float(apart[best])),
+                    power,
                 )
             )
     return found
 
 
-def _apart(
+def _distance(
     sight: Sight, named: RobotFit, other: RobotFit, noise: Mapping[RobotKind, Noise]
 ) -> float:
     """How far apart two hypotheses are in one experiment, in deviations, nuisances adapted."""
-    rows = []
-    for found in (named, other):
-        residual, jacobian = sight.linearised(found.names, found.z, noise)
-        rows.append(residual)
-    apart = rows[1] - rows[0]
-    tangents = jacobian[:, : len(other.nuisances)]
-    normal = tangents.T @ tangents + np.eye(tangents.shape[1])
-    left = apart - tangents @ np.linalg.solve(normal, tangents.T @ apart)
-    return float(np.linalg.norm(left))
+    ours, _ = sight.linearised(named.names, named.z, noise)
+    theirs, jacobian = sight.linearised(other.names, other.z, noise)
+    return adapted(theirs - ours, jacobian[:, : len(other.nuisances)])

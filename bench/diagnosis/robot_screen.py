@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .noise import CLIP, Noise, whiten
+from .noise import Noise, huber_weight, whiten
 from .robot_features import RobotKind
 from .robot_model import RobotModel, Rows
 
@@ -60,7 +60,7 @@ class Screen:
         self.residual = self._whitened([residual[r] for r in self._which])[:, 0]
         nuisances = self._whitened([model.traces[r] for r in self._which])
         self._nuisances = nuisances
-        self._weight = np.minimum(1.0, CLIP / np.maximum(np.abs(self.residual), CLIP))
+        self._weight = huber_weight(self.residual)
         normal = (nuisances * self._weight[:, None]).T @ nuisances + np.eye(nuisances.shape[1])
         self._solve = np.linalg.inv(normal)
         self._traces: dict[str, Floats] = {}

@@ -23,7 +23,7 @@ from .intervals import covariances
 from .journal import digest
 from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
 from .model import JointModel, Kind
-from .noise import CLIP, whiten
+from .noise import CLIP, huber_weight, whiten
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -131,7 +131,7 @@ def _ranking(
     prior = np.zeros(len(base.z))
     prior[:count] = 1.0
     prior, moved = prior[free], base.z[free]
-    weight = np.minimum(1.0, CLIP / np.maximum(np.abs(residual), CLIP))
+    weight = huber_weight(residual)
     normal = (tangents * weight[:, None]).T @ tangents + np.diag(prior + 1e-9)
 
     def left(z: Floats) -> float:

@@ -10,10 +10,11 @@ import numpy as np
 
 from sim.effects import Effect
 
+from .confidence import NORMAL
 from .fit import Fit, block_rms
 from .floor import ENGINE_RAD, tolerance
 from .growing import grow
-from .intervals import NORMAL, Spread
+from .intervals import Spread
 from .model import JointModel, Kind
 from .remainder import Remainder, remainder
 from .search import (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .joint import JointFindings
-from .result import Diagnosis, FitSummary
+from .result import Diagnosis, FitSummary, verdict_of
 
 
 def together(findings: Sequence[JointFindings]) -> Diagnosis:
@@ -24,12 +24,7 @@ def together(findings: Sequence[JointFindings]) -> Diagnosis:
     each = [found.diagnosis for found in findings]
     causes = tuple(cause for d in each for cause in d.causes)
     unexplained = tuple(rest for d in each for rest in d.unexplained)
-    verdict = {
-        (False, False): "consistent",
-        (False, True): "unexplained",
-        (True, False): "explained",
-        (True, True): "partly_explained",
-    }[bool(causes), bool(unexplained)]
+    verdict = verdict_of(bool(causes), bool(unexplained))
     return Diagnosis(
         verdict=verdict,
         mismatch=tuple(place for d in each for place in d.mismatch),

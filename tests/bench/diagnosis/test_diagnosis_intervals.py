@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
+from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
-from bench.diagnosis.intervals import NORMAL, REACH, Spread, estimates, interval
+from bench.diagnosis.intervals import REACH, Spread, estimates, interval
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.search import Gain
