@@ -34,9 +34,10 @@ def failing(session, name, monkeypatch, times, error):
 
 @pytest.mark.parametrize("name", ["ping", "read", "write"])
 @pytest.mark.parametrize("error", [NoReplyError, CorruptReplyError])
-def test_a_lost_reply_is_asked_for_again_and_not_timed(monkeypatch, name, error):
+@pytest.mark.parametrize("lost", [1, TRIES - 1])
+def test_a_lost_reply_is_asked_for_again_and_not_timed(monkeypatch, name, error, lost):
     whole, hurt = session(), session()
-    failing(hurt, name, monkeypatch, TRIES - 1, error)
+    failing(hurt, name, monkeypatch, lost, error)
     times = [{t.kind: t.times_s.tolist() for t in time_bus(one, 3)} for one in (whole, hurt)]
     assert times[1].keys() == times[0].keys()
     for kind, expected_s in times[0].items():
