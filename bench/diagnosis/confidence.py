@@ -68,7 +68,6 @@ def state(
 
 
 def estimate(knob: Knob, z: float, ends: Iterable[float], said: str) -> Estimate:
-    """A knob's value with the ends of its interval, within its bounds, and its state."""
-    low, high = knob.bounds
-    values = [knob.value(min(high, max(low, end))) for end in ends]
+    """A knob's value with the ends of its interval (values stay in their bounds), and its state."""
+    values = [knob.value(end) for end in ends]
     return Estimate(knob.value(z), (min(values), max(values)), knob.parameter.unit, said)
