@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, robot
 
+from bench.diagnosis import journal
 from bench.diagnosis.fit import fit
 from bench.diagnosis.growing import grow
 from bench.diagnosis.journal import Journal, digest
@@ -51,6 +52,8 @@ def test_a_fit_that_was_done_is_recalled_to_the_bit(model):
     assert model.rollouts == run
     assert model.journal.recalled == 1
     same(first, again)
+    fit(model, Hypothesis(), started(model), rounds=1)
+    assert model.journal.recalled == 1  # a step counts once
 
 
 def test_a_ranking_that_was_made_is_recalled_to_the_bit(model):
@@ -105,6 +108,25 @@ def test_arrays_are_told_apart_to_the_bit():
     assert digest(x) != digest(x + np.spacing(x))
     assert digest(x) != digest(x.reshape(1, 2))
     assert digest(x, 1) != digest(1, x)
+    assert digest(1, 23) != digest(12, 3)
+
+
+def test_other_code_takes_other_steps(model, monkeypatch):
+    before = model.key, journal.code()
+    monkeypatch.setattr(journal, "CODE", ("bench/diagnosis",))
+    code = journal.code.__wrapped__()
+    assert code != before[1]
+    monkeypatch.setattr("bench.diagnosis.model.code", lambda: code)
+    assert JointModel(model.base, model.robot, model.observed).key != before[0]
+
+
+def test_steps_of_a_finished_run_are_forgotten(tmp_path):
+    kept = Journal(tmp_path / "steps")
+    kept.put("one", {"z": 1.0})
+    assert kept.get("one") == {"z": 1.0}
+    kept.finished()
+    assert kept.get("one") is None
+    assert list(tmp_path.iterdir()) == []
 
 
 # --- time
@@ -151,9 +173,13 @@ def test_joints_share_the_time_that_is_left_and_say_which_they_are():
 
 
 def test_without_a_budget_a_watch_never_stops():
-    watch = Watch(lambda _: None)
-    watch("first")
-    assert not watch.late
+    clock = Clock()
+    watch = Watch(lambda _: None, None, clock)
+    joint = watch.of("shoulder", 2)
+    clock.now_s = 1e12
+    for one in (watch, joint):
+        one("first")
+        assert not one.late
 
 
 def test_a_search_that_is_out_of_time_gives_what_it_has(model):
