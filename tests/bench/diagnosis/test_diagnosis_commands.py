@@ -20,7 +20,7 @@ from pendulum_logs import (
 )
 
 from bench.diagnosis.commands import drive_commands, recording_baud_rate, supply_events
-from bench.diagnosis.observed import LEAST_SAMPLES, Channel, lonely, observe
+from bench.diagnosis.observed import LEAST_SAMPLES, Channel, lonely, observe, unwrapped
 from bench.recording import Recording, RecordingError
 from busemu.tables import load_robot
 from sim.drive import kernel
@@ -236,13 +236,15 @@ def test_a_handful_of_values_are_all_good():
 # --- firmware that applies a duty, encoders without ends
 
 
-def tracked(raw, duty, step_s=0.001):
-    """A duty that no register holds, and the positions it made."""
+def tracked(raw, duty, step_s=0.001, unseen=0, settings=None, servo=SERVO, name=ROBOT):
+    """A duty that no register holds, and the positions it made but for the first ``unseen``."""
     rows = []
     for k, (count, share) in enumerate(zip(raw, duty, strict=True)):
         rows.append(raw_access(step_s * k, "read", "foreign/goal_duty", share, 0))
-        rows.append(raw_access(step_s * k, "read", POSITION, count % COUNTS_A_TURN))
-    return Recording.of(rows, {"name": "t", "robot": ROBOT, "condition": dict(CONDITION)})
+        if k >= unseen:
+            rows.append(raw_access(step_s * k, "read", POSITION, count % COUNTS_A_TURN, servo))
+    told = {"servo": {str(servo): {"registers": settings}}} if settings else {}
+    return Recording.of(rows, {"name": "t", "robot": name, "condition": dict(CONDITION)} | told)
 
 
 def test_a_duty_that_no_register_holds_is_the_command():
@@ -255,6 +257,36 @@ def test_a_duty_that_no_register_holds_is_the_command():
     changes = events[events[:, 1] == kernel.GOAL_DUTY]
     assert changes[:, 2].tolist() == [-0.25]
     assert changes[0, 0] == pytest.approx(0.021)  # the replay begins 1 ms before the first sample
+
+
+def test_a_duty_acts_whatever_the_torque_register_says():
+    duty = np.full(40, 0.5)
+    one = tracked(2048 + np.arange(40), duty, settings={"torque_enable": 0})
+    assert observe([one], robot(), JOINT)[0].replay.start[kernel.ENABLED] == 1.0
+
+
+def test_a_duty_from_before_the_first_position_is_in_force_and_no_event():
+    duty = np.repeat([0.5, 0.25, -0.25], [10, 30, 20])
+    (one,) = observe([tracked(2048 + np.arange(60), duty, unseen=20)], robot(), JOINT)
+    assert one.replay.start[kernel.GOAL_DUTY] == 0.25
+    changes = one.replay.events[one.replay.events[:, 1] == kernel.GOAL_DUTY]
+    assert changes[:, [0, 2]].tolist() == [[pytest.approx(0.021), -0.25]]
+
+
+def test_a_duty_of_no_servo_moves_no_joint_of_several():
+    rig = load_robot("sts3215-lever")
+    assert len(rig.servos) > 1
+    one = tracked(2048 + np.arange(40), np.full(40, 0.5), servo=5, name=rig.name)
+    start = observe([one], rig, "lever")[0].replay.start
+    assert start[kernel.MODE] == kernel.MODE_POSITION
+    assert start[kernel.GOAL_DUTY] == 0.0
+
+
+@pytest.mark.parametrize(("counts", "goes_on"), [(4096, True), (1024, False), (1227.4, False)])
+def test_only_an_encoder_without_ends_goes_on_beyond_its_turn(counts, goes_on):
+    quantum = 2.0 * math.pi / counts
+    angles = quantum * ((np.arange(40) * 0.03 * counts) % counts // 1)
+    assert bool(unwrapped(angles, quantum)[-1] > 2.0 * math.pi) is goes_on
 
 
 def test_an_encoder_without_ends_goes_on_beyond_its_turn():
@@ -276,6 +308,12 @@ def test_a_joint_that_gathers_speed_begins_with_what_it_has():
         assert counts_s == pytest.approx(wanted, abs=150.0)
 
 
+def test_a_joint_that_trembles_by_a_count_or_two_begins_at_rest():
+    raw = 2048 + np.array([0, 1, 2] * 14)[:40]
+    (one,) = observe([tracked(raw, np.zeros(40))], robot(), JOINT)
+    assert one.replay.velocity_rad_s == 0.0
+
+
 def test_a_load_register_whose_sign_is_exchanged_is_the_duty_all_the_same():
     """An STS3215 on its way up: the public logs show its load negative then."""
     rig = load_robot("sts3215-lever")
@@ -287,3 +325,4 @@ def test_a_load_register_whose_sign_is_exchanged_is_the_duty_all_the_same():
         rows.append(raw_access(0.1 * k, "read", "present_load", raw, 5))
     (one,) = observe([Recording.of(rows, {"name": "up", "robot": "sts3215-lever"})], rig, "lever")
     assert one.channels[Channel.DUTY].value == pytest.approx(0.076)
+    assert (np.diff(one.position.value) > 0.0).all()  # no other register's is
