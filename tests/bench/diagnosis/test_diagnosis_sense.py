@@ -1,4 +1,4 @@
-"""What is looked at before anything is fitted: can the numbers be right, and what has to be told."""
+"""What is looked at before anything is fitted: can numbers be right, what has to be told."""
 
 from math import nan
 
@@ -92,7 +92,8 @@ def test_what_is_odd_but_bearable_is_told_once_a_kind(swing, kind):
 
 
 def test_nothing_is_told_of_what_is_not_odd(swing):
-    assert check_numbers([swing]) == ()
+    decided = rewritten(swing, **{"import": {"notes": ["goals are taken for written"]}})
+    assert check_numbers([swing, decided]) == ()
 
 
 def test_what_cannot_be_right_is_refused_with_what_to_do(swing):
