@@ -21,7 +21,8 @@ demo: $(READY)
 	$(BIN)/busemu demo --robot $(ROBOT)
 
 test: $(READY)
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n auto --dist loadfile -m 'not slow and not pty'
+	$(BIN)/python -m pytest -q -m 'not slow and pty'
 
 slow: $(READY)
 	$(BIN)/python -m pytest -q -m slow

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import tty
+from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
@@ -39,30 +40,44 @@ from busemu.ports.tap import Tap
 
 pytestmark = pytest.mark.pty
 
+ATTEMPTS = 4
+
 PING = b"\xff\xff\xfd\x00\x01\x03\x00\x01\x19\x4e"
+
+
+class DisturbedError(Exception):
+    """The machine was too busy for replies to come in time: try once more."""
+
+
+def undisturbed(attempt: Callable[[Path], None], folder: Path) -> None:
+    """Run an attempt in folders of its own, until replies are not lost to a busy machine."""
+    for n in range(ATTEMPTS):
+        (folder / str(n)).mkdir()
+        with suppress(DisturbedError):
+            return attempt(folder / str(n))
+    pytest.fail(f"replies were lost to a busy machine in each of {ATTEMPTS} attempts")
 
 
 def tapping(device: object, robot: str, record: Path, *words: object) -> Any:
     return running("tap", "--device", device, "--robot", robot, "--record", record, *words)
 
 
-def assert_same(one: Recording, two: Recording) -> bool:
-    """The same accesses in the same order, with the same values; whether none was lost in either.
+def assert_same(one: Recording, two: Recording) -> None:
+    """The same accesses in the same order, with the same values, lost replies at the same places.
 
-    A reply that comes in the instant in which a program gives it up, as happens on a busy machine,
-    is there for one observer and lost for another; nothing else may differ.
+    Raises :class:`DisturbedError` where a reply is lost for one alone: on a busy machine it may
+    come in the very instant in which a program gives it up.
     """
     keys, raws = [], []
     for recording in (one, two):
         table = recording.table
         keys.append(table.select(["servo_id", "op", "register"]).to_pylist())
         raws.append(table.column("raw").to_pylist())
+    lost = [[math.isnan(raw) for raw in raws[side]] for side in (0, 1)]
+    if len(keys[0]) == len(keys[1]) and lost[0] != lost[1]:
+        raise DisturbedError
     assert keys[0] == keys[1]
-    whole = not any(math.isnan(raw) for both in raws for raw in both)
-    pairs = [pair for pair in zip(*raws, strict=True) if not any(map(math.isnan, pair))]
-    assert all(a == b for a, b in pairs)
-    assert len(pairs) > len(raws[0]) * 0.9
-    return whole
+    assert [raw for raw in raws[0] if raw == raw] == [raw for raw in raws[1] if raw == raw]
 
 
 def rows(recording: Recording, servo_id: int, register: str, op: str) -> list[float]:
@@ -155,6 +170,10 @@ def test_baud_rate_that_the_device_refuses_meets_silence_and_a_good_one_does_not
 
 @pytest.mark.parametrize("name", ["phantomx", "marvin"])
 def test_walk_through_a_tap_is_recorded_as_the_walk_recorded_it(tmp_path: Path, name: str) -> None:
+    undisturbed(lambda folder: walk_through_a_tap(folder, name), tmp_path)
+
+
+def walk_through_a_tap(tmp_path: Path, name: str) -> None:
     taps, walk = tmp_path / "tap.parquet", tmp_path / "walk.parquet"
     link = tmp_path / "port"
     with (
@@ -173,8 +192,9 @@ def test_walk_through_a_tap_is_recorded_as_the_walk_recorded_it(tmp_path: Path, 
         code, said = tap.end()
         assert code == 0, said
     one, two = read(taps), read(walk)
-    whole = assert_same(one, two)
-    assert whole or " 0 lost replies" not in done.stdout
+    if " 0 lost replies" not in done.stdout:
+        raise DisturbedError
+    assert_same(one, two)
     assert len(one) > 1000
     assert one.metadata["source"] == "emulator"
     assert one.metadata["group"] == "lab"
@@ -189,6 +209,10 @@ def test_walk_through_a_tap_is_recorded_as_the_walk_recorded_it(tmp_path: Path, 
 
 
 def test_sdk_through_two_taps_in_a_row_gets_what_both_record(tmp_path: Path) -> None:
+    undisturbed(two_taps_in_a_row, tmp_path)
+
+
+def two_taps_in_a_row(tmp_path: Path) -> None:
     paths = [tmp_path / "near.parquet", tmp_path / "far.csv"]
     with (
         serving("--robot", "marvin") as server,

@@ -305,7 +305,8 @@ def test_the_live_view_follows_a_server_that_is_killed_and_starts_again(tmp_path
                 until(shows(said))
                 server.end(signal.SIGKILL)
         view.send_signal(signal.SIGINT)
-        assert view.wait(10) == 0
+        until(lambda: (shows("")(), view.poll() is not None)[1])  # a terminal goes on reading
+        assert view.returncode == 0
         assert view.stderr.read() == b""
     finally:
         view.kill()
