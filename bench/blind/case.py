@@ -18,7 +18,7 @@ from .instant import OPEN, Gate, GateKind
 from .mimic import ALIKE, Rival, nearest_rival
 from .nuisances import Nuisances, Passing, draw_nuisances
 from .rigs import RIGS, STYLES
-from .sizing import RATIOS, Ground, Size, effect_named, noise_floor, size_for
+from .sizing import RATIOS, Ground, Size, effect_named, noise_floor, ratio_fitted, size_for
 from .specimen import Specimen
 from .unlisted import STRANGERS
 
@@ -223,6 +223,12 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
     pinned = {pin for h in (*hidden, *ordinary) for pin in h.effect.pins}
     none = Nuisances()
     plain: dict[str, Any] = {pin: getattr(none, pin) for pin in pinned}
+    nuisances = dataclasses.replace(nuisances, **plain)
+    if ABRUPT in names:
+        seen = [_as_it_is(where, one, nuisances) for one in hidden]
+        if any(one.ratio < one.wanted for one in seen):
+            return None
+        hidden = seen
     disguised = bool(random.random() < 0.2) if asked.disguise is None else asked.disguise
     return Case(
         seed=seed,
@@ -232,10 +238,19 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
         ground=where,
         hidden=tuple(hidden),
         ordinary=ordinary,
-        nuisances=dataclasses.replace(nuisances, **plain),
+        nuisances=nuisances,
         disguised=disguised and bool(hidden),
         rival=rival,
     )
+
+
+def _as_it_is(where: Ground, hidden: Hidden, nuisances: Nuisances) -> Hidden:
+    """What is there or not, with the ratio it has in the groups for fitting, as the rig truly is.
+
+    On a rig that is only a little off, a duty may never be high for long enough.
+    """
+    found = ratio_fitted(where, hidden.name, hidden.size, hidden.how, nuisances)
+    return dataclasses.replace(hidden, ratio=found)
 
 
 def _names(

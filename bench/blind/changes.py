@@ -15,6 +15,8 @@ from . import parts
 from .instant import OPEN, Gate, Gated, GateKind, Part
 from .specimen import Specimen
 
+PLAINLY = 0.2  #: share by which a period that is renewed more seldom is longer, at least
+
 
 class Quantity(NamedTuple):
     """A true value with its unit; ``off`` is the value at which the effect is not there."""
@@ -217,8 +219,8 @@ def read_skew(s: Specimen, p: float, how: Setting) -> tuple[Specimen, Truth]:
 
 
 def load_refresh(s: Specimen, p: float, how: Setting) -> tuple[Specimen, Truth]:
-    """A load register that is renewed more seldom than believed."""
-    period = s.sensing.hold_s + p
+    """A load register that is renewed more seldom than believed: plainly so, if at all."""
+    period = s.sensing.hold_s * (1.0 + PLAINLY if p else 1.0) + p
     truth = {"period_s": Quantity(period, "s", s.sheet.load_refresh_s)}
     return s.sensing_but(hold_s=period), truth
 

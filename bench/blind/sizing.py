@@ -10,6 +10,7 @@ size that reaches a ratio is taken, and the ratio that it truly has is kept.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from .changes import Setting
 from .effects import EFFECTS, POSITION, Effect
 from .host import Line, commands, schedule, show
-from .nuisances import draw_passing
+from .nuisances import Nuisances, draw_passing
 from .pendulum import roll
 from .rigs import RIGS, STYLES, Programme, Rig, Run, Style
 from .specimen import Specimen
@@ -27,6 +28,7 @@ from .unlisted import STRANGERS
 
 Floats = NDArray[np.float64]
 
+AS_BELIEVED = Nuisances()
 RATIOS = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0)
 CLOSE = 0.05  #: a ratio within 5 % of the wanted one will do
 TRIES = 9
@@ -74,12 +76,21 @@ def observe(style: Style, run: Run, specimen: Specimen, channel: str = POSITION)
     return shown.roles["position" if channel == POSITION else "duty"]
 
 
-def traces(where: Ground, effect: Effect | None, size: float, how: Setting) -> Floats:
-    """Traces of all groups of the programme, one after another."""
+def traces(
+    where: Ground,
+    effect: Effect | None,
+    size: float,
+    how: Setting,
+    nuisances: Nuisances = AS_BELIEVED,
+    groups: Collection[str] | None = None,
+) -> Floats:
+    """Traces of all groups of the programme (or some), one after another."""
     channel = effect.channel if effect else POSITION
     found = []
     for run in where.programme.runs:
-        specimen = where.rig.specimen(run.plan.payload_kg)
+        if groups is not None and run.group not in groups:
+            continue
+        specimen = nuisances.on(where.rig.specimen(run.plan.payload_kg))
         if effect is not None:
             specimen, _ = effect.apply(specimen, size, how)
         found.append(observe(where.style, run, specimen, channel))
@@ -130,6 +141,16 @@ def change(key: tuple[str, str, str], name: str, size: float, how: Setting) -> F
     with np.errstate(all="raise"):
         moved = traces(ground(key), effect_named(name), size, how) - _reference(key, name, how)
     return moved
+
+
+def ratio_fitted(
+    where: Ground, name: str, size: float, how: Setting, nuisances: Nuisances
+) -> float:
+    """An effect's ratio with a case's nuisances, in the groups that are for fitting."""
+    groups = {run.group for run in where.programme.runs} - set(where.programme.held_out)
+    effect = effect_named(name)
+    moved, still = (traces(where, effect, p, how, nuisances, groups) for p in (size, 0.0))
+    return rms(moved - still) / noise_floor(where.key, effect.channel)
 
 
 @dataclass(frozen=True, slots=True)
