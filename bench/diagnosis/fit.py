@@ -343,6 +343,7 @@ class Score:
     nats: float
     squares: Mapping[Kind, float]  #: summed
     count: Mapping[Kind, int]
+    seen: Score | None = None  #: of the fit that has seen them, where this one has not
 
 
 def score(model: JointModel, found: Fit, which: Sequence[int]) -> Score:

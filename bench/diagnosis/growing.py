@@ -17,6 +17,7 @@ from .search import (
     NEEDED,
     NUMBER_NATS,
     Gain,
+    Outside,
     Progress,
     confirm,
     drop,
@@ -25,19 +26,18 @@ from .search import (
     score_outside,
     screen,
 )
-from .valleys import explore
+from .valleys import DEEPER, explore
 from .watch import OutOfTimeError
 
 SURE, CONFIRMED = 3, 6  #: how many of the screened effects are fitted in a step, at least, at most
 PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
 EXPLORED = 2  #: of the confirmed that are fitted further
-PLAIN = 80.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
+PLAIN = 50.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
 PROVISIONAL = 25.0  #: gain [nats, deflated] of an effect that may only lack another beside it
-LIKEWISE = 0.4  #: of such a gain that must be there on recordings not used to fit, too
+LIKEWISE = 0.1  #: of such a gain that must be there on recordings not used to fit, too
 CLOSE = 6.0  #: nats (deflated) by which the second best may be behind, to be asked at all
-RELIEF = (
-    0.04  #: of the squared noise floor that it must take off the mean square of some kind there
-)
+#: of the squared noise floor that it must take off the mean square of some kind there
+RELIEF = 0.04
 
 
 def grow(
@@ -70,6 +70,7 @@ def grow(
                 say(f"step {step + 1}: fitting {name}")
                 gains.append(confirm(model, now, effects[name], start))
             gains = further(model, now, ranked(gains), say)
+            now, gains = _deepest(model, now, gains)
             confirmed += gains
             chosen = _chosen(model, now, gains, floors, say)
             if chosen is None and sure is None and _promising(model, now, gains, floors):
@@ -82,12 +83,26 @@ def grow(
             now, taken = prune(model, now, taken, say)
         if sure is not None:
             say("all that was found together, on recordings left out")
-            taken = _together(model, now, taken, floors)
+            now, taken = _together(model, now, taken, floors)
     except OutOfTimeError:
         pass
-    if sure is not None and not all(gain.held_out for gain in taken):
+    if sure is not None and not (taken and all(gain.held_out for gain in taken)):
         now, taken = sure
     return now, taken, confirmed
+
+
+def _deepest(model: JointModel, now: Fit, gains: Sequence[Gain]) -> tuple[Fit, list[Gain]]:
+    """The hypothesis without the best effect, fitted from where that led, and what is gained still.
+
+    A fit may stop in a hollow that any effect's numbers lead out of: no effect has gained that.
+    """
+    if not gains or gains[0].deflated < NEEDED / 2.0:
+        return now, list(gains)
+    without, *_ = drop(model, gains[0].fit, gains[0].effect)
+    deeper = now.cost - without.cost
+    if deeper < DEEPER:
+        return now, list(gains)
+    return without, ranked([replace(gain, nats=gain.nats - deeper) for gain in gains])
 
 
 def _chosen(
@@ -108,12 +123,19 @@ def _chosen(
         say(f"{gain.effect} on recordings left out")
         without = without or score_outside(model, now)
         outside = held_out(without, score_outside(model, gain.fit), floors)
-        nats = outside.nats / gain.inflation
-        if (nats > HELD_OUT and outside.relief > RELIEF) or (
-            plainly and nats > LIKEWISE * gain.deflated
-        ):
+        if _holds(gain, outside):
             return replace(gain, held_out=outside)
     return None
+
+
+def _holds(gain: Gain, outside: Outside | None) -> bool:
+    """Whether a gain is there on groups left out, too: large enough to be seen, or plain."""
+    if outside is None:
+        return False
+    nats = outside.nats / gain.inflation
+    if gain.deflated > PLAIN and nats > LIKEWISE * gain.deflated:
+        return True
+    return nats > HELD_OUT and outside.relief > RELIEF
 
 
 def _promising(
@@ -129,16 +151,22 @@ def _promising(
 
 def _together(
     model: JointModel, now: Fit, taken: Sequence[Gain], floors: Mapping[Kind, float]
-) -> list[Gain]:
-    """What every effect of a set gains on groups left out beside the others; none if it fails."""
-    whole = score_outside(model, now)
-    checked = []
-    for gain in taken:
-        without, *_ = drop(model, now, gain.effect)
-        outside = held_out(score_outside(model, without), whole, floors)
-        holds = outside.nats / gain.inflation > HELD_OUT and outside.relief > RELIEF
-        checked.append(replace(gain, held_out=outside if holds else None))
-    return checked
+) -> tuple[Fit, list[Gain]]:
+    """Of a set the effects that gain on groups left out beside the others; the least is left."""
+    while taken:
+        whole = score_outside(model, now)
+        checked = []
+        for gain in taken:
+            without, *_ = drop(model, now, gain.effect)
+            outside = held_out(score_outside(model, without), whole, floors)
+            checked.append((outside.nats / gain.inflation, replace(gain, held_out=outside)))
+        failing = [pair for pair in checked if not _holds(pair[1], pair[1].held_out)]
+        if not failing:
+            return now, [gain for _, gain in checked]
+        worst = min(failing, key=lambda pair: pair[0])[1].effect
+        now, *_ = drop(model, now, worst)
+        taken = [gain for gain in taken if gain.effect != worst]
+    return now, []
 
 
 def further(model: JointModel, base: Fit, gains: Sequence[Gain], say: Progress) -> list[Gain]:

@@ -10,8 +10,12 @@ the likelihood falls by what that variance allows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from .confidence import NORMAL, estimate, sandwich, state, stretches
@@ -28,6 +32,7 @@ DRAWS = 40  #: of such a difference
 KEPT = 0.2  #: of what seems to be known in a direction, however rough
 FALL = 0.5 * NORMAL**2  #: of the likelihood at its ends [nats, deflated]
 REACH = (1.0, 2.0, 4.0)  #: half widths at which an end is looked for
+UNSEEN = 1e4  #: variance of a number, in its unit, whose steps change nothing
 SOON = 0.5  #: of the fall, at which the formula's end holds
 
 
@@ -85,16 +90,16 @@ class Spread:
         return sandwich(self.believed, self.scores, cluster, self.prior)
 
     def between_recordings(self) -> Floats:
-        """Variances when scores are summed over recordings, widened as these are few."""
+        """Covariance when scores are summed over recordings, widened as these are few."""
         count = int(self.recordings.max()) + 1
         if count < 2:
-            return np.diag(self.believed)
+            return self.believed
         widened = (student.ppf(0.975, count - 1) / NORMAL) ** 2 * count / (count - 1)
-        variance: Floats = np.diag(self.sandwich(self.recordings)) * widened
-        return variance
+        covariance: Floats = self.sandwich(self.recordings) * widened
+        return covariance
 
     def between_engines(self, seed: int = 0) -> Floats:
-        """Variances that a difference between two sound simulations makes.
+        """Covariance that a difference between two sound simulations makes.
 
         In a duty register it is how the value was rounded: up to half a step towards 0 or away.
         """
@@ -123,14 +128,30 @@ class Spread:
                 moved += white.T @ self.weighted[first : first + count]
             first += count
         shifts = moved @ self.believed
-        variance: Floats = np.mean(shifts**2, axis=0)
-        return variance
+        covariance: Floats = shifts.T @ shifts / DRAWS
+        return covariance
+
+    @cached_property
+    def accounts(self) -> tuple[Floats, ...]:
+        """Covariances as the likelihood, stretches of time and whole recordings have them."""
+        engines = self.between_engines()
+        within = (self.believed, self.sandwich(self.stretches), self.between_recordings())
+        return tuple(covariance + engines for covariance in within)
 
     def variances(self) -> Floats:
         """What intervals are made of."""
-        within = np.maximum(np.diag(self.believed), np.diag(self.sandwich(self.stretches)))
-        total: Floats = np.maximum(within, self.between_recordings()) + self.between_engines()
+        total: Floats = np.max([np.diag(account) for account in self.accounts], axis=0)
         return total
+
+    def seen_by_steps(self, own: Sequence[int]) -> bool:
+        """Whether small steps of some numbers change anything: not where something is or is not."""
+        return bool((np.diag(self.believed)[list(own)] < UNSEEN).any())
+
+    def beyond_nothing(self, own: Sequence[int]) -> bool:
+        """Whether some numbers of the vector, taken together, are sure not to be all 0."""
+        z, block = self.found.z[list(own)], np.ix_(own, own)
+        least = min(float(z @ np.linalg.pinv(account[block]) @ z) for account in self.accounts)
+        return bool(least > chi2.ppf(0.95, len(own)))
 
 
 def interval(

@@ -107,7 +107,7 @@ def diagnose_joint(
                 scope=(observed[0].joint,),
                 parameters=estimates(model, after, gain.effect),
                 held_out_gain_nats=outside.nats / gain.inflation,
-                explained_share=explained(judge, before, without, after, floor),
+                explained_share=explained([judge], before, without, after, floor),
                 probability=probability,
                 indistinguishable_from=tuple(close),
             )

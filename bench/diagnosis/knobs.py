@@ -16,11 +16,13 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sim.drive import kernel
 from sim.effects import Effect, Parameter, Scope, catalogue
 from sim.entries import Section
 from sim.robot import PhysicalRobot
-from sim.rollout import Candidate
+from sim.rollout import Candidate, Load
 
 OUTSIDE = frozenset(
     {
@@ -40,6 +42,9 @@ OUTSIDE = frozenset(
 
 WITHIN = 2.0  #: deviations that a nuisance with a tolerance may take
 FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was stated
+
+
+MASS, CENTRE_M = 0.05, 0.003  #: tolerances of a link's mass and of where its centre is
 
 
 SEEN = frozenset({"load_refresh", "lost_samples"})  #: effects that are seen in the data itself
@@ -97,6 +102,15 @@ class Knob:
         sign = -1.0 if p.typical < p.off else 1.0
         return min(p.high, max(p.low, p.off + sign * self.unit * z))
 
+    def at(self, value: float) -> float:
+        """The ``z`` at which the parameter has a value."""
+        p = self.parameter
+        if self.logarithmic:
+            return math.log(value / p.typical)
+        if self.inverse:
+            return self.unit / value
+        return (-1.0 if p.typical < p.off else 1.0) * (value - p.off) / self.unit
+
     def slope(self, z: float) -> float:
         """How fast the parameter goes with ``z``: its unit of error."""
         if self.logarithmic:
@@ -150,6 +164,14 @@ def _link(candidate: Candidate, x: float) -> Candidate:
     return replace(candidate, load=load)
 
 
+def _centre(candidate: Candidate, x: float) -> Candidate:
+    """The link's own weight turned about the joint, a payload's left where it is."""
+    none = Load(0.0, np.zeros(1), np.zeros(1))
+    own = candidate.load.plus(candidate.payload or none, -1.0)
+    turned = Load(0.0, -x * own.cosine_nm, x * own.sine_nm)
+    return replace(candidate, load=candidate.load.plus(turned, 1.0))
+
+
 def _inertia(candidate: Candidate, x: float) -> Candidate:
     inertia = candidate.load.inertia_kg_m2 * max(0.05, 1.0 + x)
     return replace(candidate, load=replace(candidate.load, inertia_kg_m2=inertia))
@@ -179,7 +201,8 @@ NUISANCES = (
     Nuisance(
         "rotor_level", "(ratio)", 0.02, "rotors of one make; assumed", _scaled(kernel.ROTOR_INERTIA)
     ),
-    Nuisance("link", "(ratio)", 0.05, "mass +-5 %, centre of mass +-3 mm", _link),
+    Nuisance("link", "(ratio)", 0.05, "mass +-5 %, centre of mass +-3 mm along it", _link),
+    Nuisance("centre", "rad", 0.02, "centre of mass +-3 mm across the link", _centre),
     Nuisance("payload", "(ratio)", 0.03, "mass +-5 %", _payload),
     Nuisance("load_inertia", "(ratio)", 0.05, "centre +-3 mm, extent of weights", _inertia),
     Nuisance("zero", "rad", 0.0101, "zero +-1 deg", _zero),
@@ -191,7 +214,6 @@ NUISANCES = (
         0.0005,
         "jitter and turnaround of a bus; assumed",
         lambda c, x: replace(c, skew_s=c.skew_s + x),
-        FARTHEST,
     ),
     Nuisance(
         "supply",
@@ -219,15 +241,28 @@ DOUBTS = {
 }
 
 
-def nuisances(drive: Section, body: Section | None = None) -> tuple[Nuisance, ...]:
-    """The nuisances of a joint, as wide as a robot file says of servo and body, else as usual."""
+def nuisances(
+    drive: Section, body: Section | None = None, lever_m: float | None = None
+) -> tuple[Nuisance, ...]:
+    """The nuisances of a joint, as wide as a robot file says of servo and body, else as usual.
+
+    ``lever_m`` is how far the link's centre of mass is from the axis, if that is known: the nearer,
+    the more a tolerance of its place means.
+    """
     told = {
         DOUBTS[key]: deviation for key in DOUBTS if (deviation := drive.deviation(key)) is not None
     }
     if body is not None and (deviation := body.deviation("mass_kg")) is not None:
         told["link"] = deviation
+    usual = {n.name: n.deviation for n in NUISANCES}
+    if lever_m is not None:
+        off = CENTRE_M / max(lever_m, CENTRE_M)
+        usual["link"] = (MASS + off) / WITHIN
+        usual["centre"] = off / math.sqrt(3.0)
     return tuple(
-        replace(n, deviation=told[n.name], reach=FARTHEST) if n.name in told else n
+        replace(n, deviation=told[n.name], reach=FARTHEST)
+        if n.name in told
+        else replace(n, deviation=usual[n.name])
         for n in NUISANCES
     )
 

@@ -100,7 +100,8 @@ class JointModel:
         told = Section(robot.path, "", robot.document)
         bodies = told.sections("body") if "body" in told else ()
         body = next((b for b in bodies if b.table.get("name") == joint), None)
-        self.nuisances = nuisances(told.section("drive").section(self.mount.model), body)
+        drive = told.section("drive").section(self.mount.model)
+        self.nuisances = nuisances(drive, body, _lever_m(base, joint))
         self._batch = Batch([o.replay for o in observed])
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]
@@ -191,12 +192,7 @@ class JointModel:
         which = list(range(len(self.observed)) if which is None else which)
         candidates = [self.candidate(hypothesis, z, r) for z in vectors for r in which]
         replays = which * len(vectors)
-        self.rollouts += len(candidates)
-        stiff = [
-            replace(c, source_ohm=0.0) if self.recorded_supply[r] else c
-            for c, r in zip(candidates, replays, strict=True)
-        ]
-        outs = self._batch.run(stiff, replays)
+        outs = self._run(candidates, replays)
         duties: list[Floats] = []
         if Kind.DUTY in kinds:
             duties = self._batch.regulate(candidates, replays, [self._sensed[r] for r in replays])
@@ -210,6 +206,20 @@ class JointModel:
                 )
             result.append(blocks)
         return result
+
+    def _run(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> list[Floats]:
+        """Rollouts, under the recorded supply where there is one."""
+        self.rollouts += len(candidates)
+        stiff = [
+            replace(c, source_ohm=0.0) if self.recorded_supply[r] else c
+            for c, r in zip(candidates, replays, strict=True)
+        ]
+        return list(self._batch.run(stiff, replays))
+
+    def duty(self, hypothesis: Hypothesis, z: Floats, r: int) -> tuple[Floats, Floats]:
+        """Times [s] and sizes of the duty that a vector makes of one recording."""
+        (out,) = self._run([self.candidate(hypothesis, z, r)], [r])
+        return self.observed[r].replay.samples, np.abs(out[:, kernel.OUT_DUTY])
 
     def _blocks(
         self,
@@ -267,6 +277,14 @@ class JointModel:
             if steps:
                 floors[kind] = max(steps) / np.sqrt(12.0)
         return floors
+
+
+def _lever_m(base: PhysicalRobot, joint: str) -> float | None:
+    """How far a link's centre of mass is from its joint's axis, if the link has a mass."""
+    body = next((b for b in base.bodies if b.name == joint), None)
+    if body is None or body.mass.mass_kg <= 0.0:
+        return None
+    return float(np.linalg.norm(np.cross(body.axis, body.mass.centre_m)))
 
 
 def believed_refresh_s(robot: Robot, joint: str) -> float:

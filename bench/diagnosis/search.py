@@ -10,7 +10,7 @@ the same ratio). Then it must hold on recordings the fit has not seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -22,6 +22,7 @@ from .fit import EDGE, Fit, Score, bounds, fit, linearise, score
 from .intervals import covariances
 from .journal import digest
 from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
+from .limp import LETS_GO, overloads
 from .model import JointModel, Kind
 from .noise import CLIP, huber_weight, whiten
 
@@ -32,6 +33,7 @@ SIZES = (0.05, 0.2, 0.7, 2.0)  #: of amplitudes, in typical sizes, at which an e
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
+STRAYED = 50.0  #: nats that a fit without a group may lose on it, to be a judge there
 HARM = 0.3  #: of the squared noise floor that it may add to another kind, or where it is judged
 NUMBER_NATS = 1.5  #: gain [nats, deflated] that every number of an effect must be worth
 
@@ -76,11 +78,23 @@ def starts(knobs: Sequence[Knob]) -> list[Floats]:
 def vectors_to_try(
     model: JointModel, base: Fit, effect: Effect, knobs: Sequence[Knob]
 ) -> list[Floats]:
-    """Vectors with an effect on: of several sizes, and in the place of a nuisance like it."""
+    """Vectors with an effect on: of several sizes, and in the place of a nuisance like it.
+
+    Where nuisances have gone as far as they may, they stand in for something else: then an effect
+    is tried beside them as they are believed to be, too.
+    """
+    count = len(model.nuisances)
+    far = bounds(model, base.hypothesis)[1][:count] - EDGE
+    origins = [base.z]
+    if (np.abs(base.z[:count]) >= far)[far > 0.0].any():
+        origins.append(np.concatenate([np.zeros(count), base.z[count:]]))
+    if effect.name == LETS_GO:
+        seen = [(z, overloads(model, base.hypothesis, z, knobs)) for z in origins]
+        return [np.concatenate([z, x]) for z, tried in seen for x in (*tried, starts(knobs)[0])]
     names = [n.name for n in model.nuisances]
     twin = TWINS.get(effect.name)
     if twin not in names:
-        return [np.concatenate([base.z, x]) for x in starts(knobs)]
+        return [np.concatenate([z, x]) for z in origins for x in starts(knobs)]
     k = names.index(twin)
     away = base.z[k] * model.nuisances[k].deviation / knobs[0].unit
     if twin in AMOUNTS:
@@ -89,10 +103,13 @@ def vectors_to_try(
         away = 0.0
     if knobs[0].parameter.typical < knobs[0].parameter.off:
         away = -away
-    z = base.z.copy()
-    z[k] = 0.0
     sizes = [0.5 * away, away, 1.5 * away, *(away + float(x[0]) for x in starts(knobs))]
-    return [np.append(z, np.clip(size, *knobs[0].bounds)) for size in sizes]
+    tried = []
+    for origin in origins:
+        z = origin.copy()
+        z[k] = 0.0
+        tried += [np.append(z, np.clip(size, *knobs[0].bounds)) for size in sizes]
+    return tried
 
 
 def screen(
@@ -210,7 +227,7 @@ def score_outside(model: JointModel, found: Fit) -> list[Score]:
     for part in parts:
         rest = [r for r in everything if r not in part] or part
         again = fit(model, found.hypothesis, found.z, found.noise, rest, rounds=1, evaluations=3)
-        scores.append(score(model, again, part))
+        scores.append(replace(score(model, again, part), seen=score(model, found, part)))
     return scores
 
 
@@ -224,7 +241,16 @@ def inside(model: JointModel, without: Fit, with_it: Fit, floors: Mapping[Kind, 
 def held_out(
     without: Sequence[Score], with_it: Sequence[Score], floors: Mapping[Kind, float]
 ) -> Outside:
-    """Compare two hypotheses on groups left out."""
+    """Compare two hypotheses on groups left out.
+
+    Of a group unlike all others the rest does not tell how to fit it, and what it would say is
+    mostly where nuisances happened to go without it: there, fits that have seen it are compared.
+    """
+    pairs = [
+        (a.seen, b.seen) if a.seen and b.seen and a.seen.nats - a.nats > STRAYED else (a, b)
+        for a, b in zip(without, with_it, strict=True)
+    ]
+    without, with_it = [a for a, _ in pairs], [b for _, b in pairs]
     nats = sum(s.nats for s in with_it) - sum(s.nats for s in without)
     falls = [0.0]
     for kind, floor in floors.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from sim.effects import Effect
 
-from .confidence import NORMAL
 from .fit import Fit, block_rms
 from .floor import ENGINE_RAD, tolerance
 from .growing import grow
@@ -32,6 +31,7 @@ from .watch import Watch
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
+ENGINES = 1.2  #: times what two engines usually differ by: so large a rest may be that alone
 MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
 STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
 STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
@@ -151,15 +151,14 @@ def _unsure(
     """A name of several that gains nothing beside the others, or whose size may be nothing."""
     if not taken:
         return None
-    deviations = np.sqrt(Spread(model, after).variances()[len(model.nuisances) :])
-    sizes = after.z[len(model.nuisances) :]
+    spread, count = Spread(model, after), len(model.nuisances)
     for gain in taken[::-1]:
-        sure = [
-            abs(z) > NORMAL * deviation
-            for knob, z, deviation in zip(after.hypothesis.knobs, sizes, deviations, strict=True)
+        sizes = [
+            count + i
+            for i, knob in enumerate(after.hypothesis.knobs)
             if knob.effect == gain.effect and not knob.parameter.shape
         ]
-        if not any(sure):
+        if spread.seen_by_steps(sizes) and not spread.beyond_nothing(sizes):
             return Denied(gain, NOTHING, again=False)
     if len(taken) > 1:
         whole = score_outside(model, after)
@@ -184,19 +183,27 @@ def _little(
     left = block_rms(blocks, Kind.POSITION)
     if not taken or not is_structured(remainder(judge, blocks), left, floor):
         return None
+    everywhere = {model, judge}
     for gain in taken[::-1]:
         without, *_ = drop(model, after, gain.effect)
-        if explained(judge, before, without, after, floor) < LITTLE:
+        if explained(everywhere, before, without, after, floor) < LITTLE:
             return Denied(gain, BESIDE, again=False)
     return None
 
 
-def explained(judge: JointModel, before: Fit, without: Fit, after: Fit, floor: float) -> float:
-    """Share of the squared misfit above the floor that an effect takes away."""
+def explained(
+    judges: Collection[JointModel], before: Fit, without: Fit, after: Fit, floor: float
+) -> float:
+    """Share of the squared misfit above the floor that an effect takes away, in some recordings."""
     squares = []
     for found in (before, without, after):
-        blocks = judge.residuals(found.hypothesis, [found.z])[0]
-        squares.append(block_rms(blocks, Kind.POSITION) ** 2)
+        values = [
+            block.value
+            for judge in judges
+            for (_, kind), block in judge.residuals(found.hypothesis, [found.z])[0].items()
+            if kind is Kind.POSITION
+        ]
+        squares.append(float(np.mean(np.concatenate(values) ** 2)))
     explainable = max(squares[0] - floor**2, 1e-300)
     return float(np.clip((squares[1] - squares[2]) / explainable, -1.0, 1.0))
 
@@ -204,7 +211,7 @@ def explained(judge: JointModel, before: Fit, without: Fit, after: Fit, floor: f
 def is_structured(rest: Remainder, left_rad: float, floor: float) -> bool:
     """Whether a rest is predictable enough, or so large, that it is called unexplained."""
     return left_rad > MISFIT * tolerance(floor) or bool(
-        rest.predicted_rad > np.hypot(STRUCTURE * floor, ENGINE_RAD)
+        rest.predicted_rad > np.hypot(STRUCTURE * floor, ENGINES * ENGINE_RAD)
         and rest.share > STRUCTURE_SHARE
         and rest.agreeing >= STRUCTURE_AGREEING
     )

@@ -1,5 +1,7 @@
 """Intervals, fits that leave their first hollow, and what speaks against a name."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
@@ -66,16 +68,29 @@ def test_few_recordings_leave_a_number_less_sure_than_many(cable):
     model, found = cable
     spread = Spread(model, found)
     apart = np.diag(spread.sandwich(spread.recordings))
-    assert (spread.between_recordings() > apart).all()
+    assert (np.diag(spread.between_recordings()) > apart).all()
 
 
 def test_a_variance_is_no_less_than_any_of_its_parts(cable):
     spread = Spread(*cable)
     total = spread.variances()
     engines = spread.between_engines()
-    assert (engines[-2:] > 0.0).all()
-    for part in (np.diag(spread.believed), spread.between_recordings()):
-        assert (total >= part + engines - 1e-15).all()
+    assert (np.diag(engines)[-2:] > 0.0).all()
+    for part in (spread.believed, spread.between_recordings()):
+        assert (total >= np.diag(part + engines) - 1e-15).all()
+
+
+def test_numbers_that_make_up_for_each_other_may_be_sure_together_though_none_is_alone():
+    """A valley: of two numbers only the sum is known, and it is not nothing."""
+    spread = Spread.__new__(Spread)
+    spread.found = SimpleNamespace(z=np.array([0.0, 1.0, 1.0]))
+    sure_of_sum = np.eye(3) - 0.999 * np.array([[0, 0, 0], [0, 0, 1.0], [0, 1.0, 0]])
+    spread.accounts = (sure_of_sum, 0.5 * sure_of_sum)
+    assert not spread.beyond_nothing([1])
+    assert not spread.beyond_nothing([2])
+    assert spread.beyond_nothing([1, 2])
+    spread.accounts = (sure_of_sum, 2.0 * np.eye(3))  # the widest account decides
+    assert not spread.beyond_nothing([1, 2])
 
 
 def test_an_interval_ends_where_the_number_does():

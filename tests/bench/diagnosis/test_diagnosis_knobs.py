@@ -10,8 +10,11 @@ from pendulum_logs import logs, model_of, robot
 from bench.diagnosis.fit import bounds
 from bench.diagnosis.knobs import (
     AMOUNTS,
+    CENTRE_M,
+    MASS,
     NUISANCES,
     TWINS,
+    WITHIN,
     effect_knobs,
     joint_effects,
     nuisances,
@@ -22,6 +25,7 @@ from sim.drive import kernel
 from sim.effects import catalogue, effect
 from sim.entries import Section
 from sim.model import read_model
+from sim.one_joint import one_joint_load
 from sim.rollout import Candidate, Load
 
 KNOBS = {k.name: k for e in catalogue().values() for k in effect_knobs(e)}
@@ -125,6 +129,34 @@ def test_a_heavier_link_leaves_the_payload_as_it_is():
     moved = by_name("link").change(candidate(), 0.5)
     assert moved.load.sine_nm == pytest.approx(1.5 * 0.01 + 0.1)
     assert by_name("payload").change(candidate(), 0.5).load.sine_nm == pytest.approx(0.01 + 0.15)
+
+
+def test_a_centre_beside_the_link_turns_the_links_weight_and_leaves_the_payload():
+    base, x = read_model(robot()), 0.01
+    (body,) = base.bodies
+    (along,) = [abs(c) for c in body.mass.centre_m if c != 0.0]
+    beside = np.cross(body.axis, body.mass.centre_m) * x  # at right angles, x times as far
+    moved = effect("com_offset").apply(
+        base, (), dict(zip(("x_m", "y_m", "z_m"), beside, strict=True))
+    )
+    told, believed = one_joint_load(moved), one_joint_load(base)
+    assert abs(told.centre_rad - believed.centre_rad) == pytest.approx(x, rel=1e-3)
+    turned = by_name("centre").change(candidate(), x)
+    own = 0.01 * np.array([np.cos(x), np.sin(x)])
+    assert turned.load.sine_nm == pytest.approx(0.1 + own[0], rel=1e-3)
+    assert abs(turned.load.cosine_nm) == pytest.approx(own[1], rel=1e-3)
+    assert along > 0.0
+
+
+def test_the_nearer_a_centre_of_mass_the_more_its_tolerance_means():
+    drive = Section(robot().path, "", robot().document).section("drive").section("XL330-M288")
+    near, far, unknown = (
+        {n.name: n.deviation for n in nuisances(drive, None, lever_m)}
+        for lever_m in (0.03, 0.3, None)
+    )
+    assert near["centre"] == pytest.approx(10.0 * far["centre"])
+    assert near["link"] > unknown["link"] > far["link"]
+    assert WITHIN * far["link"] == pytest.approx(MASS + CENTRE_M / 0.3)
 
 
 def test_a_stand_that_leans_pulls_at_the_hanging_arm():

@@ -1,5 +1,6 @@
 """Which effects: the right one of a few, none on a null; groups stay whole."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ from pendulum_logs import DUTY, POSITION, logs, model_of
 
 from bench.diagnosis.fit import Score, fit
 from bench.diagnosis.floor import tolerance
-from bench.diagnosis.growing import grow, ranked
+from bench.diagnosis.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.rivals import CLOSE, rivals
@@ -22,7 +23,9 @@ from bench.diagnosis.running import (
 from bench.diagnosis.search import (
     NEEDED,
     NUMBER_NATS,
+    STRAYED,
     Gain,
+    Outside,
     folds,
     held_out,
     screen,
@@ -37,6 +40,7 @@ TRUTHS = {
     "transport_delay": {"delay_s": 0.03},
     "dead_zone": {"margin_rad": 0.015},
 }
+TRUTHS_TOGETHER = {"dead_zone": {"margin_rad": 0.05}}
 EFFECTS = {name: effect(name) for name in KNOWN}
 
 
@@ -182,6 +186,53 @@ def test_held_out_gains_are_in_nats_and_in_squares_of_the_floor():
     worse = held_out([score_of(1.0, 3.0)], [score_of(0.0, 4.0)], floors)
     assert worse.nats == -1.0
     assert worse.harm == pytest.approx(1.0 / 100 / 0.01)
+
+
+def test_a_group_that_the_rest_does_not_tell_how_to_fit_is_judged_by_fits_that_have_seen_it():
+    floors = {Kind.POSITION: 0.1}
+    seen = [score_of(10.0 * STRAYED, 3.0), score_of(10.0 * STRAYED + 20.0, 1.0)]
+    far = [
+        replace(score_of(s.nats - 2.0 * STRAYED * k, 90.0), seen=s) for k, s in enumerate(seen, 1)
+    ]
+    outside = held_out([far[0]], [far[1]], floors)
+    assert outside.nats == pytest.approx(20.0)
+    assert outside.relief == pytest.approx(2.0 / 100 / 0.01)
+    near = [
+        replace(score_of(s.nats - 0.5 * STRAYED * k, 90.0), seen=s) for k, s in enumerate(seen, 1)
+    ]
+    assert held_out([near[0]], [near[1]], floors).nats == pytest.approx(20.0 - 0.5 * STRAYED)
+
+
+@pytest.mark.parametrize(
+    ("gained", "outside", "relief", "holds"),
+    [
+        (20.0, 5.0, 1.0, True),  # large enough to be seen
+        (20.0, 5.0, 0.0, False),
+        (20.0, 0.0, 1.0, False),
+        (2.0 * PLAIN, PLAIN, 0.0, True),  # plain, however small its trace
+        (2.0 * PLAIN, 1.0, 0.0, False),
+    ],
+)
+def test_a_gain_holds_on_groups_left_out_if_it_is_large_there_or_plain(
+    gained, outside, relief, holds
+):
+    gain = Gain("dead_zone", SimpleNamespace(), gained, 1.0)
+    assert _holds(gain, Outside(outside, relief, 0.0)) is holds
+    assert not _holds(gain, None)
+
+
+def test_of_a_set_the_effect_that_gains_nothing_is_left_out_and_the_others_stay():
+    model = model_of(logs(TRUTHS_TOGETHER))
+    both = Hypothesis(
+        tuple(k for n in ("dead_zone", "load_friction") for k in effect_knobs(effect(n)))
+    )
+    now = fit(model, both, np.append(np.zeros(len(model.nuisances)), [0.5, 0.1]))
+    taken = [Gain(name, now, 100.0, 1.0) for name in ("dead_zone", "load_friction")]
+    floors = {kind: noise.total for kind, noise in now.noise.items()}
+    after, held = _together(model, now, taken, floors)
+    assert [gain.effect for gain in held] == ["dead_zone"]
+    assert after.hypothesis.effects == ("dead_zone",)
+    assert held[0].held_out.nats > 0.0
 
 
 # --- groups

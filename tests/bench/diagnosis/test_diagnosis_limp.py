@@ -1,0 +1,90 @@
+"""A servo that lets go: seen where a recording breaks with its model, found with its numbers."""
+
+import numpy as np
+import pytest
+from pendulum_logs import POSITION, logs, model_of
+
+from bench.diagnosis.fit import bounds, fit
+from bench.diagnosis.intervals import Spread
+from bench.diagnosis.knobs import effect_knobs
+from bench.diagnosis.limp import LEAST, LETS_GO, breaks_s, overloads
+from bench.diagnosis.model import Hypothesis
+from bench.diagnosis.noise import Block
+from bench.diagnosis.search import confirm, screen, vectors_to_try
+from sim.effects import effect
+
+TRUTH = {"duty": 0.2, "time_s": 0.3}
+LETTING_GO = effect(LETS_GO)
+KNOBS = effect_knobs(LETTING_GO)
+
+
+def block_of(values):
+    return Block(0.01 * np.arange(len(values)), values, np.zeros(len(values)))
+
+
+def noise(size, count, seed=0):
+    return size * np.random.default_rng(seed).normal(size=count)
+
+
+def test_a_recording_breaks_where_its_residuals_grow():
+    grown = np.concatenate([noise(0.001, 300), noise(0.1, 200)])
+    assert breaks_s(block_of(grown)) == pytest.approx(3.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [noise(0.001, 500), noise(0.001, 2 * LEAST - 1), np.zeros(500), noise(0.1, 500)[::-1] + 1.0],
+    ids=["even", "short", "nothing", "offset"],
+)
+def test_a_recording_that_is_alike_all_along_does_not_break(values):
+    assert breaks_s(block_of(values)) is None
+
+
+@pytest.fixture(scope="module")
+def limp():
+    """A model of recordings in some of which the servo let go, and the believed fit."""
+    model = model_of(logs({LETS_GO: TRUTH}, registers=(POSITION,)))
+    return model, fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+
+
+def test_what_would_trip_where_recordings_break_is_near_the_truth(limp):
+    model, _ = limp
+    tried = overloads(model, Hypothesis(), np.zeros(len(model.nuisances)), KNOBS)
+    values = np.array([[k.value(z) for k, z in zip(KNOBS, x, strict=True)] for x in tried])
+    away = np.abs(values / list(TRUTH.values()) - 1.0).max(axis=1)
+    assert away.min() < 0.2
+
+
+def test_nothing_is_tried_where_no_recording_breaks():
+    model = model_of(logs(registers=(POSITION,)))
+    assert overloads(model, Hypothesis(), np.zeros(len(model.nuisances)), KNOBS) == []
+
+
+def test_the_overload_is_found_with_its_numbers(limp):
+    model, base = limp
+    gain, name, start = screen(model, base, [LETTING_GO, effect("torque_limit")])[0]
+    assert name == LETS_GO
+    assert gain > 100.0
+    found = confirm(model, base, LETTING_GO, start).fit
+    values = [k.value(z) for k, z in zip(KNOBS, found.z[len(model.nuisances) :], strict=True)]
+    assert values == pytest.approx(list(TRUTH.values()), rel=0.1)
+
+
+def test_effects_are_tried_with_nuisances_as_believed_where_these_went_as_far_as_they_may(limp):
+    model, base = limp
+    count = len(model.nuisances)
+    assert (np.abs(base.z) >= bounds(model, Hypothesis())[1] - 1e-3).any()
+    tried = vectors_to_try(model, base, LETTING_GO, KNOBS)
+    assert any((x[:count] == 0.0).all() for x in tried)
+    near = fit(model, Hypothesis(), np.zeros(count), base.noise, rounds=1, evaluations=0)
+    tried = vectors_to_try(model, near, effect("punch"), effect_knobs(effect("punch")))
+    assert len(tried) == len({x[count:].tobytes() for x in tried})
+
+
+def test_a_threshold_that_is_never_reached_is_not_seen_by_steps():
+    model = model_of(logs(motions=["slow"], registers=(POSITION,)))
+    hypothesis = Hypothesis(KNOBS)
+    z = np.append(np.zeros(len(model.nuisances)), [1.0, 0.0])
+    still = fit(model, hypothesis, z, rounds=1, evaluations=0)
+    own = len(model.nuisances)
+    assert not Spread(model, still).seen_by_steps([own])
