@@ -103,7 +103,7 @@ def _limits(series: Channel) -> Iterator[Oddity]:
         if name not in model or model[name].initial is None:
             continue
         limit = model[name].to_si(int(model[name].initial or 0))
-        places = np.flatnonzero(beyond(volts, limit + 1e-9))
+        places = np.flatnonzero(beyond(volts, limit) & ~np.isclose(volts, limit))
         if places.size > 0.01 * len(volts):
             yield at(
                 series,
