@@ -297,4 +297,21 @@ def test_a_gap_is_longer_than_three_periods(periods, told):
 
 def test_a_register_that_is_read_now_and_then_has_no_gaps():
     columns = joint() | {HEAT: (np.array([0.0, 0.1, 0.2, 3.0, 3.1, 5.9]), np.full(6, 30.0))}
-    assert not found(columns, "gaps")
+    assert oddities(recording(columns)).found == ()
+
+
+def test_a_register_that_pauses_while_the_joint_is_read_on_is_a_gap_and_no_jump_of_the_clock():
+    reads = np.arange(0.0, 6.0, 0.1)
+    columns = joint() | {HEAT: (reads, np.full(len(reads), 30.0))}
+    assert oddities(recording(columns)).found == ()
+    paused = {HEAT: cut(1.35, 3.9, {HEAT: columns[HEAT]})[HEAT]}
+    assert [odd.kind for odd in oddities(recording(columns | paused)).found] == ["gaps"]
+
+
+@pytest.mark.parametrize(("after", "jump"), [(8, True), (24, False)])
+def test_only_a_joint_that_goes_on_at_its_pace_shows_a_jump_of_the_clock(after, jump):
+    columns = joint()
+    k = np.arange(300)
+    run = 1000 + np.where(k < 148, 8 * k, 8 * 148 + after * (k - 148))
+    columns[POSITION] = columns[POSITION][0], run.astype(float)
+    assert bool(found(cut(2.95, 2.95, columns, 1.0), "clock_jump")) is jump

@@ -98,6 +98,8 @@ def _jumps(recording: Recording, silences: tuple[Gap, ...]) -> Iterator[Oddity]:
             i = int(np.searchsorted(series.t_s, middle_s)) - 1
             if i < 4 or i + 5 >= len(counts):
                 continue
+            if series.t_s[i + 1] - series.t_s[i] < 0.5 * gap.length_s:
+                continue  # other registers paused, the joint was read on
             before, after = np.diff(counts[i - 4 : i + 1]), np.diff(counts[i + 1 : i + 6])
             speed = float(np.mean([np.median(before), np.median(after)]))
             steady = abs(np.median(before) - np.median(after)) < 0.5 * abs(speed)
