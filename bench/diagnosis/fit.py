@@ -40,12 +40,6 @@ class Fit:
     noise: Mapping[Kind, Noise]
     cost: float  #: negative log-likelihood with the priors [nats]
     costs: Mapping[tuple[int, Kind], float] = field(default_factory=dict)  #: by block, no priors
-    jacobian: Floats | None = None  #: whitened, priors' rows last
-
-    @property
-    def likelihood_cost(self) -> float:
-        """Negative log-likelihood without the priors [nats]."""
-        return sum(self.costs.values())
 
 
 def bounds(model: JointModel, hypothesis: Hypothesis) -> tuple[Floats, Floats]:
@@ -109,10 +103,9 @@ def steps(
     )
     knobs = np.maximum(relative * np.maximum(1.0, np.abs(z[count:])), least)
     size = np.concatenate([np.full(count, NUISANCE_STEP), knobs])
-    down = z + size > high
-    room = np.where(down, z - low, high - z)  # the side with more room, where neither is enough
-    down = np.where(down & (room < size), z - low > high - z, down)
-    most = np.maximum(np.maximum(z - low, high - z), 1e-9)
+    up, below = high - z, z - low
+    down = (size > up) & ((size <= below) | (below > up))  # the side with more room, if any has
+    most = np.maximum(np.maximum(up, below), 1e-9)
     signed: Floats = np.where(down, -1.0, 1.0) * np.minimum(size, most)
     return signed
 
@@ -156,9 +149,10 @@ class Around:
                 if self.model.turns_controller(self.hypothesis, k) is controller
             ]
             if these:
-                vectors = [
-                    self.z + np.eye(len(self.z))[columns[i]] * size[columns[i]] for i in these
-                ]
+                vectors = []
+                for i in these:
+                    vectors.append(self.z.copy())
+                    vectors[-1][columns[i]] += size[columns[i]]
                 found = self.model.residuals(self.hypothesis, vectors, self.which, kinds)
                 for i, blocks in zip(these, found, strict=True):
                     moved[i] = self.base | blocks
@@ -264,7 +258,6 @@ def _fitted(
     low[list(held)] = high[list(held)] = z[list(held)]
     blocks = model.residuals(hypothesis, [z], which)[0]
     noise = estimate_noise(model, blocks, noise)
-    count = len(model.nuisances)
     best: Fit | None = None
     for _ in range(rounds):
         z = least_squares(model, hypothesis, z, noise, which, (low, high), evaluations)
@@ -275,7 +268,7 @@ def _fitted(
             hypothesis,
             z,
             noise,
-            sum(costs.values()) + 0.5 * float(np.sum(z[:count] ** 2)),
+            sum(costs.values()) + prior_cost(model, z),
             costs,
         )
         if best is not None and found.cost > best.cost - ENOUGH:

@@ -307,15 +307,3 @@ def _speed(observed: Observed) -> Floats:
     smooth = np.convolve(np.pad(q, span // 2, mode="edge"), weights, mode="valid")
     speed: Floats = np.abs(np.interp(observed.replay.samples, t, np.gradient(smooth, t)))
     return speed
-
-
-def _one_charge(blocks: Blocks) -> Blocks:
-    """Voltage residuals as if the battery's charge had been the same in all recordings."""
-    means = {key: float(b.value.mean()) for key, b in blocks.items() if key[1] is Kind.VOLTAGE}
-    if not means:
-        return blocks
-    common = float(np.mean(list(means.values())))
-    return {
-        key: replace(b, value=b.value - (means[key] - common)) if key in means else b
-        for key, b in blocks.items()
-    }
