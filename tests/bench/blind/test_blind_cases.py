@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import shutil
@@ -218,6 +219,18 @@ def test_sub_quantum_case_is_below_the_step() -> None:
     )
     (hidden,) = case.hidden
     assert hidden.ratio * noise_floor(case.ground.key) < case.ground.rig.sheet.step_rad
+
+
+def test_overload_that_does_not_trip_in_recordings_for_fitting_is_drawn_anew(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    wish = Asked(kind="single", effects=("overload_shutdown",), concealment="plain")
+    wish = dataclasses.replace(wish, rig="xl330-turntable", programme="fast", style="slow")
+    (hidden,) = draw(5, wish).hidden
+    assert hidden.ratio >= hidden.wanted
+    monkeypatch.setattr(bench.blind.case, "ratio_fitted", lambda *_: 0.0)
+    with pytest.raises(ValueError, match="no case in"):
+        draw(5, wish)
 
 
 def test_mimicked_case_names_its_rival(tmp_path: Path) -> None:

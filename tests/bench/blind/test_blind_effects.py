@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from bench.blind.changes import Setting
 from bench.blind.effects import EFFECTS, POSITION
 from bench.blind.host import Line, commands, schedule
 from bench.blind.instant import Gate, GateKind
+from bench.blind.nuisances import Nuisances
 from bench.blind.pendulum import TICK_S, Trace, roll
 from bench.blind.rigs import RIGS, STYLES, Run
 from bench.blind.specimen import Specimen
@@ -84,6 +87,34 @@ def test_noise_floor_is_more_than_the_quantisation() -> None:
 def test_size_that_no_plausible_value_reaches_is_none() -> None:
     key = ("xl330-turntable", "fast", "slow")
     assert sizing.size_for(key, "zero_offset", 8.0, Setting()) is None
+
+
+def test_ratio_for_fitting_counts_the_groups_for_fitting_on_the_rig_as_it_is() -> None:
+    where = sizing.ground(("xl330-turntable", "fast", "slow"))
+    size, how = 0.9, Setting(choice=0.0)
+    for name in ("dead_zone", "overload_shutdown"):
+        never = sizing.ratio_fitted(where, name, 0.0, how, Nuisances())
+        assert never == 0.0
+    seen = sizing.ratio_fitted(where, "overload_shutdown", size, how, Nuisances())
+    assert seen > 8.0
+    strong = Nuisances(coulomb_factor=0.0, viscous_factor=0.1, torque_constant_factor=3.0)
+    assert sizing.ratio_fitted(where, "overload_shutdown", size, how, strong) != seen
+    held = dataclasses.replace(
+        where.programme, held_out=tuple(run.group for run in where.programme.runs[1:])
+    )
+    fewer = dataclasses.replace(where, programme=held)
+    assert sizing.ratio_fitted(fewer, "overload_shutdown", size, how, Nuisances()) != seen
+
+
+@pytest.mark.parametrize("size", [1e-6, 0.1])
+def test_a_load_register_is_renewed_as_believed_or_plainly_more_seldom(size: float) -> None:
+    slow = RIGS["ax12-turntable"].specimen(0.0)
+    believed = slow.sheet.load_refresh_s
+    assert believed > 0.0
+    still, _ = EFFECTS["load_refresh"].apply(slow, 0.0, Setting())
+    assert still.sensing.hold_s == believed
+    moved, truth = EFFECTS["load_refresh"].apply(slow, size, Setting())
+    assert moved.sensing.hold_s == truth["period_s"].value >= 1.2 * believed
 
 
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if GateKind.TIME in e.gates])
