@@ -182,7 +182,7 @@ def further(model: JointModel, base: Fit, gains: Sequence[Gain], say: Progress) 
 
 
 def ranked(gains: Sequence[Gain]) -> list[Gain]:
-    """Gains on one scale, the best first; of two that are close, the one with fewer numbers.
+    """Gains on one scale, the best first; of two that are close, the plainer and likelier one.
 
     Gains of one step are divided by one inflation, the mean of those that gain anything: what is
     compared is how far each follows the same recordings.
@@ -190,9 +190,12 @@ def ranked(gains: Sequence[Gain]) -> list[Gain]:
     useful = [g.inflation for g in gains if g.nats > 0.0]
     common = float(np.exp(np.mean(np.log(useful)))) if useful else 1.0
     levelled = [replace(g, inflation=max(common, 1.0)) for g in gains]
-    return sorted(
-        levelled, key=lambda g: NUMBER_NATS * len(effect_knobs(catalogue()[g.effect])) - g.deflated
-    )
+
+    def behind(gain: Gain) -> float:
+        numbers = len(effect_knobs(catalogue()[gain.effect]))
+        return NUMBER_NATS * numbers + gain.unlikely - gain.deflated
+
+    return sorted(levelled, key=behind)
 
 
 def prune(model: JointModel, now: Fit, taken: list[Gain], say: Progress) -> tuple[Fit, list[Gain]]:

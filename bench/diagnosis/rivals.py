@@ -42,7 +42,8 @@ def rivals(
         ]
         for _, other, start in screen(model, without, others)[:TRIED]:
             tried.append(confirm(model, without, effects[other], start))
-    probability, close = _among(model, own_nats, inflations, tried)
+    own = Gain(name, now, own_nats, inflations)
+    probability, close = _among(model, own, tried)
     fits = {gain.effect: gain.fit for gain in tried}
     return probability, close, {r.effect: fits[r.effect] for r in close}, without
 
@@ -58,17 +59,15 @@ def contemporaries(
         if g.effect != named.effect and set(g.fit.hypothesis.effects) == before | {g.effect}
     ]
     without, *_ = drop(model, now, named.effect)
-    probability, close = _among(model, named.nats, named.inflation, tried)
+    probability, close = _among(model, named, tried)
     return probability, close, {}, without
 
 
-def _among(
-    model: JointModel, own_nats: float, own_inflation: float, tried: Sequence[Gain]
-) -> tuple[float, list[Rival]]:
+def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float, list[Rival]]:
     """Probability of an effect among some that were fitted in its place, and those close behind."""
-    scale = float(np.exp(np.mean(np.log([own_inflation, *(g.inflation for g in tried)]))))
-    own = own_nats / scale
-    behind = {g.effect: own - g.nats / scale for g in tried}
+    scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
+    own = named.nats / scale - named.unlikely
+    behind = {g.effect: own - (g.nats / scale - g.unlikely) for g in tried}
     probability, others = chances(own, behind)
     close = [
         Rival(other, (model.observed[0].joint,), others[other], nats)

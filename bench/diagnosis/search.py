@@ -9,6 +9,7 @@ the same ratio). Then it must hold on recordings the fit has not seen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -52,6 +53,21 @@ class Gain:
     def deflated(self) -> float:
         """The gain that counts [nats]."""
         return self.nats / self.inflation
+
+    @property
+    def unlikely(self) -> float:
+        """How unlikely a size so far beyond the typical one is beforehand [nats]: Cauchy's prior.
+
+        A weight ten typical errors off is not impossible; of two causes that fit as well, the other
+        is meant.
+        """
+        knobs = self.fit.hypothesis.knobs
+        sizes = zip(knobs, self.fit.z[len(self.fit.z) - len(knobs) :].tolist(), strict=True)
+        return sum(
+            math.log1p(z * z)
+            for knob, z in sizes
+            if knob.effect == self.effect and not knob.parameter.shape
+        )
 
 
 def starts(knobs: Sequence[Knob]) -> list[Floats]:

@@ -157,7 +157,7 @@ def test_a_twin_is_tried_in_the_place_of_its_nuisance():
 
 
 def test_of_two_that_are_close_the_one_with_fewer_numbers_is_first():
-    fitted = SimpleNamespace()
+    fitted = SimpleNamespace(hypothesis=Hypothesis(), z=np.zeros(0))
     one = Gain("dead_zone", fitted, 20.0, 1.0)
     two = Gain("stribeck_friction", fitted, 20.0 + 0.9 * NUMBER_NATS, 1.0)
     assert [g.effect for g in ranked([two, one])] == ["dead_zone", "stribeck_friction"]
@@ -165,8 +165,22 @@ def test_of_two_that_are_close_the_one_with_fewer_numbers_is_first():
     assert [g.effect for g in ranked([one, far])] == ["stribeck_friction", "dead_zone"]
 
 
+def sized(name, size, nats):
+    hypothesis = Hypothesis(effect_knobs(effect(name)))
+    return Gain(name, SimpleNamespace(hypothesis=hypothesis, z=np.array([0.0, size])), nats, 1.0)
+
+
+def test_of_two_that_are_close_the_likelier_size_comes_first():
+    usual, odd = sized("gain_error", 1.0, 100.0), sized("link_mass", 16.0, 103.0)
+    assert odd.unlikely - usual.unlikely == pytest.approx(np.log(257.0 / 2.0))
+    assert [g.effect for g in ranked([odd, usual])] == ["gain_error", "link_mass"]
+    plainly = sized("link_mass", 16.0, 106.0)
+    assert [g.effect for g in ranked([usual, plainly])] == ["link_mass", "gain_error"]
+    assert sized("gain_error", 0.0, 1.0).unlikely == 0.0
+
+
 def test_gains_of_a_step_share_one_inflation():
-    fitted = SimpleNamespace()
+    fitted = SimpleNamespace(hypothesis=Hypothesis(), z=np.zeros(0))
     gains = ranked([Gain("dead_zone", fitted, 30.0, 1.0), Gain("punch", fitted, 40.0, 4.0)])
     assert [g.inflation for g in gains] == pytest.approx([2.0, 2.0])
     assert gains[0].effect == "punch"
