@@ -126,7 +126,7 @@ def walk(
     ) as error:
         fail(error)
     if record is not None and record.exists():
-        typer.echo(f"recorded {record}")
+        typer.echo(f"recorded {record}: see busemu inspect")
     if failure is not None:
         fail(" ".join([str(failure), *getattr(failure, "__notes__", [])]))
     for line in (*describe(report), *noticed(session)):
@@ -261,7 +261,7 @@ def tap(
     except OSError as error:
         fail(f"--record {record}: {os.strerror(error.errno or 0)}")
     counts = taps.counts
-    what = f"recorded {record}: {counts.rows} rows, {counts.lost} values lost"
+    what = f"recorded {record}: {counts.rows} rows, {counts.lost} values lost; see busemu inspect"
     typer.echo(told.after + (what if counts.rows else "nothing was read or written: no recording"))
     for line in beside.summary(begun_s) if beside is not None else []:
         typer.echo(line)

@@ -42,6 +42,7 @@ def report(recording: Recording, console: Console) -> None:
             f"{escape(first.why)}\n[bold]{escape(first.advice)}[/]",
         )
     console.print(table)
+    console.print()
 
 
 def merged(found: Iterable[Oddity]) -> list[list[Oddity]]:
