@@ -45,6 +45,9 @@ Say = Callable[[str], None]
 START_S = 120.0
 #: Why a bus on a pseudo-terminal loses replies, and what to do.
 BUSY = "the machine is busy; the server needs a core of its own, so try with nothing else running"
+#: Times longer than modelled, in the median, that tell of a busy machine. Assumed: an idle one is
+#: within 5 %.
+SLOW = 1.25
 #: Frames a second of the film, and how much of the walk it shows [s].
 FRAMES_S = 12.5
 FILM_S = 4.0
@@ -118,8 +121,8 @@ def run_demo(robot: Robot, name: str, folder: Path, seconds: float, say: Say) ->
         except BusError as error:
             said = folder / "server.txt"
             raise DemoError(f"{error}: {BUSY}; what the server said is in {said}") from None
-        if late:
-            say(f"{late} replies were lost and asked for again: {BUSY}")
+        for hint in hindered(measured, modelled, late):
+            say(hint)
         walk = [sys.executable, "-m", "busemu", "walk", "--robot", name, "--port", port]
         walk += ["--seconds", f"{seconds:g}", "--record", str(folder / "walk.parquet")]
         say(f"walking: busemu {' '.join(walk[3:])}")
@@ -140,6 +143,18 @@ def run_demo(robot: Robot, name: str, folder: Path, seconds: float, say: Say) ->
     summary = _summary(robot, table, moved, files)
     write_text(folder / "README.md", summary)
     return Demo(folder, f"{aligned(*table)}\n{WRITE_NOTE}", moved, files)
+
+
+def hindered(measured: list[Timed], modelled: list[Timed], late: int) -> list[str]:
+    """What shows that the machine was too busy to measure, in a line or none."""
+    slow = [
+        live.what
+        for live, model in zip(measured, modelled, strict=True)
+        if live.kind != "write all" and live.median_s > SLOW * model.median_s
+    ]
+    told = [f"{late} replies were lost and asked for again"] if late else []
+    told += [f"{len(slow)} of {len(measured)} kinds of transaction took too long"] if slow else []
+    return [f"{', '.join(told)}: {BUSY}"] if told else []
 
 
 Table = tuple[list[str], list[list[str]]]
