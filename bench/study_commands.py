@@ -46,7 +46,7 @@ def study(
     except ImportError as error:
         fail(f"{error}: a study needs the extra proof: pip install 'busemu[proof]'")
     except (OSError, ValueError) as error:
-        fail(str(error))
+        fail(error)
     except KeyboardInterrupt:
         typer.echo("\ninterrupted; the same command goes on with the recordings that are there")
         raise typer.Exit(130) from None
