@@ -12,6 +12,7 @@ from bench.files import write_text
 from .judging import Judged
 from .rivals import METHODS
 from .scoring import GOALS
+from .stages import STAGES
 
 #: what the figures show
 CAPTIONS = {
@@ -61,6 +62,7 @@ def write_page(
         )
     if "baselines" in score:
         parts += ["<h2>Other methods on the same cases</h2>", _baselines(score["baselines"])]
+    parts += ["<h2>What each part of the method buys</h2>", _stages(score["stages"])]
     parts += ["<h2>Every case</h2>", _cases(cases)]
     write_text(path, "\n".join(parts) + "\n")
 
@@ -105,6 +107,14 @@ def _baselines(found: Mapping[str, Any]) -> str:
         cells = "".join(f"<td>{number(row)}" for row in found["rows"][name].values())
         lines.append(f"<tr><td>{escape(told)}{cells}")
     return "\n".join([*lines, "</table></div>"])
+
+
+def _stages(found: Mapping[str, Mapping[str, Any]]) -> str:
+    lines = ["<table><tr><th>names<th>on nulls<th>right, of a floor and more<th>not true"]
+    for stage, rows in found.items():
+        cells = "".join(f"<td>{number(rows[name])}" for name in ("alarms", "right", "wrong"))
+        lines.append(f"<tr><td>{escape(STAGES[stage])}{cells}")
+    return "\n".join([*lines, "</table>"])
 
 
 def _cases(cases: Sequence[Judged]) -> str:

@@ -13,6 +13,7 @@ from .page import write_page
 from .pictures import draw
 from .running import Proof
 from .scoring import FORMAT, GOALS, LEFT_OUT, beside, score, set_goal
+from .stages import stages
 from .table import write_table
 
 
@@ -44,6 +45,7 @@ def write_score(
         **score(cases),
         "left_out": dict(LEFT_OUT),
         "beside": beside(cases),
+        "stages": stages([(key, proof.answers.read(name)[0]) for name, key in keys.items()]),
     }
     if active:
         row = active.score(keys)
