@@ -35,9 +35,10 @@ The ground frame has its z axis along the normal; the robot starts at its origin
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+from busemu.tables.toml_file import read_toml
 
 from .entries import PhysicsError, Section
 from .shapes import Vector
@@ -116,12 +117,7 @@ class Scene:
 
 def read_scene(path: Path) -> Scene:
     """A scene from a file. Raises :class:`PhysicsError` with one line."""
-    try:
-        document = tomllib.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise PhysicsError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise PhysicsError(f"{path}: not a TOML file: {error}") from None
+    document = read_toml(path, PhysicsError)
     if document.get("format") != FORMAT:
         raise PhysicsError(f'{path}: needs the line format = "{FORMAT}" at its top')
     top = Section(path, "", document)
