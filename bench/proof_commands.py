@@ -27,8 +27,16 @@ def prove(
     ] = False,
     cases: Annotated[
         int | None,
-        typer.Option(min=1, help="A balanced part of so many cases. Default: all."),
+        typer.Option(min=0, help="A balanced part of so many one-joint cases. Default: all."),
     ] = None,
+    robots: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            metavar="CASES",
+            help="So many cases of whole robots, too. Each takes some minutes of a core.",
+        ),
+    ] = 0,
     processes: Annotated[int, typer.Option(min=1, help="How many run at a time.")] = 2,
     active: Annotated[
         bool,
@@ -58,15 +66,18 @@ def prove(
         from .proof.errors import ProofError
         from .proof.plan import plan
         from .proof.report import write_score
+        from .proof.robot_plan import robots as walking
         from .proof.running import Proof
     except ModuleNotFoundError as error:
         fail(f"prove needs {error.name}: pip install 'busemu[sim,bench,proof]'")
-    if quick and cases is not None:
+    if quick and cases:
         fail("--quick has its own cases: leave --cases away")
     try:
-        planned = plan(seed, cases, quick=quick)
+        planned = plan(seed, cases, quick=quick) + walking(seed, robots, quick=quick)
     except ValueError as error:
         fail(f"--cases: {error}")
+    if not planned:
+        fail("--cases 0 leaves nothing to diagnose: give --robots")
     _tell_plan(planned)
     if only_plan:
         return
@@ -101,10 +112,13 @@ def prove(
 
 
 def _tell_plan(planned: tuple[Planned, ...]) -> None:
-    kinds = Counter(str(case.asked.kind) for case in planned)
-    told = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
-    effects = {name for case in planned for name in case.asked.effects}
-    typer.echo(f"{len(planned)} cases: {told}; {len(effects)} effects by name")
+    for of_robots, what in ((False, "cases"), (True, "cases of whole robots")):
+        own = [case for case in planned if case.robot is of_robots]
+        kinds = Counter(str(case.asked.kind) for case in own)
+        told = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+        effects = {name for case in own for name in case.asked.effects}
+        if own:
+            typer.echo(f"{len(own)} {what}: {told}; {len(effects)} effects by name")
 
 
 def _diagnose(proof: Proof) -> None:
@@ -126,18 +140,18 @@ def _rounds(words: str, steps: Iterator[tuple[int, int]]) -> None:
 
 
 def _tell_score(score: dict[str, Any]) -> None:
+    from .proof.robot_scoring import GOALS as ROBOT_GOALS
     from .proof.scoring import GOALS
 
-    for name in GOALS:
-        row = score.get(name)
-        if row is None:
-            continue
+    rows = {name: score[name] for name in (*GOALS, *ROBOT_GOALS) if name in score}
+    rows |= {f"robots.{name}": row for name, row in score.get("robots", {}).get("rows", {}).items()}
+    for name, row in rows.items():
         if row["value"] is None:
-            typer.echo(f"{name:24} no case speaks for it")
+            typer.echo(f"{name:28} no case speaks for it")
             continue
         low, high = row["ci95"]
         typer.echo(
-            f"{name:24} {row['value']:7.3f}  [{low:.3f}, {high:.3f}]  n {row['n']:4}  "
+            f"{name:28} {row['value']:7.3f}  [{low:.3f}, {high:.3f}]  n {row['n']:4}  "
             f"good {row['good']:g}, great {row['great']:g}: {row['met']}"
         )
 

@@ -19,7 +19,8 @@ from .believed import JOINT, robot_toml
 from .case import Asked, Case, Kind, draw
 from .changes import Truth
 from .conceal import disguise
-from .legged_case import LeggedCase, draw_legged, legged_floor, nuisance_document, passing
+from .legged_case import LeggedCase, draw_legged, nuisance_document, stance_share
+from .legged_sizing import legged_floor, passing
 from .measure import Measured, record
 from .scenes import SCENES, Plan, Played, play
 from .sizing import noise_floor
@@ -162,6 +163,7 @@ class LeggedDraft:
             {
                 "effect": hidden.name,
                 "scope": list(hidden.where.legs),
+                "joints": list(hidden.joints),
                 "parameters": parameters(truth),
                 "phase": {"kind": "always", "low": 0.0, "high": 0.0},
                 "size": hidden.size,
@@ -179,6 +181,7 @@ class LeggedDraft:
             "ordinary": told[: len(case.ordinary)],
             "nuisances": nuisance_document(case.nuisances),
             "decoy_rad": dict(case.decoy),
+            "stance_share": stance_share(scene, (*case.ordinary, *case.hidden)),
             "noise_floor_rad": legged_floor(scene.name),
             "quantum_rad": position.si_scale,
         }

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.motions import WalkPlan
-
 from .case import COUNT, DRAWS, SHARES, Asked, Concealment, Kind
 from .changes import Truth
-from .drives import Electrics
-from .legged import Body
 from .legged_effects import LEGGED, LeggedEffect, Where, Whole
-from .scenes import SCENES, Group, Plan, Scene, play
-from .sizing import RATIOS, rms
+from .legged_sizing import base, believed, legged_ratio, standing_share, tracks
+from .scenes import SCENES, Plan, Scene
+from .sizing import RATIOS
 
 Floats = NDArray[np.float64]
 
@@ -42,6 +38,11 @@ class LeggedHidden:
     def effect(self) -> LeggedEffect:
         """The effect itself."""
         return LEGGED[self.name]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints that it is in."""
+        return tuple(self.where.joints(*self.effect.links))
 
     def on(self, whole: Whole) -> tuple[Whole, Truth]:
         """A robot with it, and its true parameters."""
@@ -135,65 +136,20 @@ class LeggedCase:
         return whole, found
 
 
-def believed(scene: Scene, plan: Plan | None = None) -> Whole:
-    """The robot as its operator believes it to be."""
-    weight = plan.payload_kg if isinstance(plan, WalkPlan) else 0.0
-    body = Body(support=scene.support, legs=scene.legs, payload_kg=weight)
-    return Whole(scene.robot, body, Electrics())
+def stance_share(scene: Scene, told: Sequence[LeggedHidden]) -> float | None:
+    """Share of what effects together change that is in stance.
 
-
-def _sized_on(scene: Scene) -> list[Group]:
-    return [group for group in scene.groups if group.name in scene.sized_on]
-
-
-def _tracks(scene: Scene, changed: Mapping[str, Whole]) -> list[Floats]:
-    return [
-        play(scene, group.plan, whole.body, whole.electrics).track_rad
-        for group in _sized_on(scene)
-        for whole in (changed[group.name],)
-    ]
-
-
-def _apart(first: list[Floats], second: list[Floats]) -> float:
-    """RMS between tracks; one may be a few instants longer than the other."""
-    parts = []
-    for one, two in zip(first, second, strict=True):
-        n = min(len(one), len(two))
-        parts.append((one[:n] - two[:n]).ravel())
-    return rms(np.concatenate(parts))
-
-
-@cache
-def _base(name: str) -> list[Floats]:
-    scene = SCENES[name]
-    return _tracks(scene, {g.name: believed(scene, g.plan) for g in scene.groups})
-
-
-@cache
-def legged_floor(name: str) -> float:
-    """Noise floor of a scene's joint angles [rad]: quantisation and spread of repeats."""
-    scene = SCENES[name]
-    step = next(iter(scene.robot.tables.values()))["present_position"].si_scale
-    weak = {g.name: passing(believed(scene, g.plan), 1.0) for g in scene.groups}
-    spread = _apart(_base(name), _tracks(scene, weak)) / math.sqrt(2.0)
-    return math.sqrt(step**2 / 12.0 + spread**2)
-
-
-def passing(whole: Whole, late: float) -> Whole:
-    """A robot at an instant of its session, 0 to 1: the battery runs down by 1 %."""
-    volts = whole.electrics.supply_v or whole.robot.document["supply"]["voltage_v"]["value"]
-    return whole.electrics_but(supply_v=volts * (1.0 - 0.01 * late))
-
-
-@lru_cache(maxsize=4096)
-def legged_ratio(name: str, effect: str, size: float, where: Where) -> float:
-    """An effect's RMS change of all joint angles over the noise floor."""
-    scene = SCENES[name]
-    changed = {
-        g.name: LEGGED[effect].apply(believed(scene, g.plan), size, where)[0]
-        for g in _sized_on(scene)
-    }
-    return _apart(_base(name), _tracks(scene, changed)) / legged_floor(name)
+    ``None`` without an effect, and on a stand.
+    """
+    if not told or scene.support != "ground":
+        return None
+    changed = {}
+    for group in scene.groups:
+        whole = believed(scene, group.plan)
+        for hidden in told:
+            whole, _ = hidden.on(whole)
+        changed[group.name] = whole
+    return standing_share(base(scene.name), tracks(scene, changed))
 
 
 def _size(scene: Scene, effect: LeggedEffect, wanted: float, where: Where) -> LeggedHidden | None:

@@ -44,6 +44,8 @@ class Where:
         return [f"{leg}.{link}" for leg in self.legs for link in links]
 
 
+LINKS = ("coxa", "femur", "tibia")
+LOADED = ("femur", "tibia")  #: joints that carry the weight
 Apply = Callable[[Whole, float, Where], tuple[Whole, Truth]]
 
 
@@ -57,6 +59,7 @@ class LeggedEffect:
     most: float
     least: float = 0.0  #: below it the engine's step would not carry the spring
     scoped: bool = False
+    links: tuple[str, ...] = LINKS  #: whose joints it is in, of a leg that has it
     signed: bool = False
     standing: bool = True  #: it can be seen of a leg on a stand
     pins: tuple[str, ...] = ()
@@ -98,13 +101,13 @@ def _com(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
 
 
 def _link_mass(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
-    factor = 1.0 + at.sign * (p + 0.05)
+    factor = (1.0 + p + 0.05) ** at.sign  # lighter by the same ratio: never less than nothing
     changed = {**(w.body.link_mass or {}), **dict.fromkeys(at.joints("tibia"), factor)}
     return w.body_but(link_mass=changed), {"factor": Quantity(factor, "", 1.0)}
 
 
 def _joint_compliance(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
-    joints = at.joints("femur", "tibia")
+    joints = at.joints(*LOADED)
     drive = drive_of(w.robot, w.robot.by_joint[joints[0]].model)
     believed = float(said(drive, "gear_stiffness_nm_rad"))
     stiffness = 1.0 / (1.0 / believed + p)
@@ -114,7 +117,7 @@ def _joint_compliance(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
 
 
 def _backlash(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
-    loose = {**(w.body.play_rad or {}), **dict.fromkeys(at.joints("femur", "tibia"), p)}
+    loose = {**(w.body.play_rad or {}), **dict.fromkeys(at.joints(*LOADED), p)}
     return w.body_but(play_rad=loose), {"width_rad": Quantity(p, "rad", 0.0)}
 
 
@@ -131,14 +134,14 @@ def _sag(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
 
 
 def _torque_limit(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
-    joints = at.joints("coxa", "femur", "tibia")
+    joints = at.joints(*LINKS)
     limits = {**(w.electrics.duty_limit or {}), **dict.fromkeys(joints, 1.0 - p)}
     return w.electrics_but(duty_limit=limits), {"duty_limit": Quantity(1.0 - p, "", 1.0)}
 
 
 def _gain(w: Whole, p: float, at: Where) -> tuple[Whole, Truth]:
     factor = 1.0 + at.sign * (p + 0.1)
-    joints = at.joints("coxa", "femur", "tibia")
+    joints = at.joints(*LINKS)
     gains = {**(w.electrics.gain_factor or {}), **dict.fromkeys(joints, factor)}
     return w.electrics_but(gain_factor=gains), {"factor": Quantity(factor, "", 1.0)}
 
@@ -199,6 +202,7 @@ LEGGED: Mapping[str, LeggedEffect] = MappingProxyType(
                 0.3,
                 2.0,
                 scoped=True,
+                links=("tibia",),
                 signed=True,
                 pins=("link_mass",),
                 rivals=("payload",),
@@ -209,10 +213,17 @@ LEGGED: Mapping[str, LeggedEffect] = MappingProxyType(
                 0.2,
                 2.0,
                 scoped=True,
+                links=LOADED,
                 rivals=("foot_compliance", "backlash"),
             ),
             LeggedEffect(
-                "backlash", _backlash, 0.02, 0.2, scoped=True, rivals=("joint_compliance",)
+                "backlash",
+                _backlash,
+                0.02,
+                0.2,
+                scoped=True,
+                links=LOADED,
+                rivals=("joint_compliance",),
             ),
             LeggedEffect(
                 "supply_voltage",

@@ -130,6 +130,13 @@ class LegsPlant:
             temperature_c=float(drives.temperature_c[i]),
         )
 
+    @property
+    def stands(self) -> NDArray[np.bool_]:
+        """For every servo that is there, whether the foot of its leg presses on the ground."""
+        found = self.observe()
+        legs = [joint.split(".")[0] for joint in self._joints]
+        return np.array([found.get(f"contact/{leg}_n", 0.0) > 0.0 for leg in legs])
+
     def observe(self) -> Mapping[str, float]:
         """Pose of the body and force on the feet [SI]; ``imu/`` is what a sensor on it says."""
         found: dict[str, float] = {}

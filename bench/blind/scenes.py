@@ -150,12 +150,14 @@ class Watched(LegsPlant):
 class Played:
     """What came of a plan: the session with its recorder, the plant, and true joint positions.
 
-    ``track_rad``: servo angles every ``OBSERVE_S``, shape (instants, servos that are there).
+    Every ``OBSERVE_S``, shape (instants, servos that are there): ``track_rad`` are servo angles,
+    ``stands`` is whether the foot of the servo's leg presses on the ground.
     """
 
     session: Session
     plant: Watched
     track_rad: Floats
+    stands: NDArray[np.bool_]
 
 
 def play(scene: Scene, plan: Plan, body: Body, electrics: Electrics) -> Played:
@@ -163,9 +165,9 @@ def play(scene: Scene, plan: Plan, body: Body, electrics: Electrics) -> Played:
     robot = scene.robot
     plant = Watched(robot, body, electrics)
     session = in_process(robot, plant, load_profile(robot.timing), observe_every_s=OBSERVE_S)
-    track: list[Floats] = []
+    seen: list[tuple[Floats, NDArray[np.bool_]]] = []
     assert session.bus is not None
-    session.bus.every(OBSERVE_S, lambda _: track.append(plant.position_rad.copy()))
+    session.bus.every(OBSERVE_S, lambda _: seen.append((plant.position_rad.copy(), plant.stands)))
     if isinstance(plan, WalkPlan):
         walk_in(
             session,
@@ -175,7 +177,8 @@ def play(scene: Scene, plan: Plan, body: Body, electrics: Electrics) -> Played:
         )
     else:
         _move(scene, session, plan)
-    return Played(session, plant, np.array(track))
+    track, stands = (np.array(part) for part in zip(*seen, strict=True))
+    return Played(session, plant, track, stands)
 
 
 def _move(scene: Scene, session: Session, plan: ExperimentPlan) -> None:

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from types import TracebackType
 
@@ -137,12 +138,13 @@ class Replays:
         count = processes or len(os.sched_getaffinity(0))
         self._pool: ProcessPoolExecutor | None = None
         if count > 1:
-            self._pool = ProcessPoolExecutor(
-                count,
-                multiprocessing.get_context("fork"),  # a robot's mappings cannot be pickled
-                _begin,
-                (robot, features, every, os.getpid()),
-            )
+            with suppress(PermissionError):  # a confined process gets no semaphores: it does all
+                self._pool = ProcessPoolExecutor(
+                    count,
+                    multiprocessing.get_context("fork"),  # a robot's mappings cannot be pickled
+                    _begin,
+                    (robot, features, every, os.getpid()),
+                )
         self.count = 0  #: replays run so far
 
     def run(self, jobs: Iterable[Job]) -> list[Outcome]:

@@ -41,9 +41,9 @@ class Active:
         )
 
     def ambiguous(self) -> dict[str, dict[str, Any]]:
-        """Cases whose first cause has rivals and whose diagnosis proposes an experiment."""
+        """Cases of one joint whose first cause has rivals, with a proposed experiment."""
         found = {}
-        for name in self.proof.had:
+        for name in self.proof.joints:
             diagnosis, _ = self.proof.answers.read(name)
             if diagnosis and is_ambiguous(diagnosis) and diagnosis["next_experiment"]:
                 found[name] = diagnosis

@@ -27,7 +27,7 @@ from sim.effects import Effect
 from sim.model import read_model
 
 from .answering import ANSWER
-from .diagnosing import left_out, split_of
+from .diagnosing import joint_names, left_out, split_of
 from .fitting import Outcome, blocks, grid, least_squares, limits, mean_square
 from .staging import TOLD
 from .terms import EFFECT_OF, lagged, library
@@ -234,7 +234,7 @@ def bench_of(stage: Path) -> tuple[Bench, list[str]]:
     )
     zero = np.zeros(len(model.nuisances))
     nuisances, _ = least_squares(model, Hypothesis(), zero, range(len(zero)), NUISANCE_ROUNDS)
-    effects = without_effects(left_out(told))
+    effects = without_effects(left_out(told, joint_names()))
     return Bench(model, judge, effects, nuisances), [r.name for r in parts.judging]
 
 

@@ -1,4 +1,4 @@
-"""Effects that data of one joint cannot tell apart, whatever is done with them.
+"""Effects that data of joints cannot tell apart, whatever is done with them.
 
 Only what follows from the equations stands here; what merely looks alike does not. Reasons and use
 stand in docs/proof/rules.md.
@@ -15,6 +15,7 @@ class Sight:
 
     position_only: bool  #: neither duty, load nor voltage register was read
     upright: bool  #: the shaft is vertical: gravity does no work
+    all_feet: bool = False  #: a robot walks, and what is hidden is in all legs alike
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +26,14 @@ class Alike:
     reason: str
     position_only: bool = False  #: holds only where nothing but positions was read
     upright: bool = False  #: holds only on a vertical shaft
+    all_feet: bool = False  #: holds only of all feet of a robot that walks
 
     def holds(self, sight: Sight) -> bool:
         """Whether the data cannot tell them apart."""
-        return (sight.position_only or not self.position_only) and (
-            sight.upright or not self.upright
+        return (
+            (sight.position_only or not self.position_only)
+            and (sight.upright or not self.upright)
+            and (sight.all_feet or not self.all_feet)
         )
 
 
@@ -61,6 +65,11 @@ ALIKE = (
         frozenset({"link_mass", "payload", "rotor_inertia"}),
         "without gravity each is nothing but inertia",
         upright=True,
+    ),
+    Alike(
+        frozenset({"foot_compliance", "ground_compliance"}),
+        "springs in series under every foot: joints see their sum",
+        all_feet=True,
     ),
 )
 

@@ -7,13 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from bench.blind import Concealment
 from bench.blind.rigs import RIGS
+from bench.blind.scenes import SCENES
 
 from .equivalence import Sight, same
+from .places import Place, place_of
 from .truths import error_of, true_parameters
 
 STATED_MOST = 3  #: names that a stated class may have; with more it is no answer
 POSITION_STYLE = "position"  #: the sampling style that reads nothing else
+WALK = "walk"  #: the programme of every robot
 CERTAIN = 0.9
 UNKNOWN_KINDS = ("deleted", "stranger")  #: their effect is in no catalogue
 RIGHT, ALSO_TRUE, WRONG = "hidden", "ordinary", "wrong"
@@ -72,6 +76,12 @@ class Judged:
     mse_oracle: float
     ambiguous: bool  #: the first cause has rivals that are not told apart
     seconds: float
+    place: Place | None = None  #: in a robot: where something is hidden, and where it was found
+
+    @property
+    def robot(self) -> bool:
+        """Whether it is of a whole robot."""
+        return self.rig in SCENES
 
     @property
     def wrong(self) -> tuple[Named, ...]:
@@ -98,11 +108,13 @@ def judge(
     case: str, key: Mapping[str, Any], diagnosis: Mapping[str, Any] | None, told: Mapping[str, Any]
 ) -> Judged:
     """Judge a diagnosis against its key; ``told`` is how it was made (``seconds``, ``failure``)."""
-    sight = Sight(key["style"] == POSITION_STYLE, RIGS[key["rig"]].upright)
+    sight = _sight(key)
     hidden = tuple(effect["effect"] for effect in key["effects"])
     ordinary = tuple(effect["effect"] for effect in key["ordinary"])
     findable = () if key["kind"] in UNKNOWN_KINDS else hidden
     causes: Sequence[Mapping[str, Any]] = diagnosis["causes"] if diagnosis else ()
+    if key["rig"] in SCENES:
+        causes = merged(causes)
     named = _labelled(causes, findable, ordinary, sight)
     ratios = [float(effect["ratio"]) for effect in key["effects"]]
     first, second = _guesses(causes, named)
@@ -117,8 +129,8 @@ def judge(
         kind=key["kind"],
         concealment=key["concealment"],
         rig=key["rig"],
-        programme=key["programme"],
-        style=key["style"],
+        programme=key.get("programme", WALK),
+        style=key.get("style", POSITION_STYLE),
         hidden=hidden,
         ordinary=ordinary,
         ratio=min(ratios, default=math.nan),
@@ -137,7 +149,40 @@ def judge(
         mse_oracle=oracle,
         ambiguous=bool(causes and causes[0]["indistinguishable_from"]),
         seconds=float(told["seconds"]),
+        place=_place(key, diagnosis, causes, named) if key["rig"] in SCENES else None,
     )
+
+
+def _sight(key: Mapping[str, Any]) -> Sight:
+    """What the data can show; robots that walk read nothing but positions."""
+    if key["rig"] in SCENES:
+        return Sight(True, False, all_feet=key["concealment"] != Concealment.RARE.value)
+    return Sight(key["style"] == POSITION_STYLE, RIGS[key["rig"]].upright)
+
+
+def merged(causes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Causes of one name at several places of a robot as one, in the first one's words."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for cause in causes:
+        first = found.setdefault(cause["effect"], cause)
+        if first is not cause:
+            found[cause["effect"]] = {
+                **first,
+                "scope": [*first["scope"], *cause["scope"]] if first["scope"] else [],
+                "parameters": {**cause["parameters"], **first["parameters"]},
+            }
+    return list(found.values())
+
+
+def _place(
+    key: Mapping[str, Any],
+    diagnosis: Mapping[str, Any] | None,
+    causes: Sequence[Mapping[str, Any]],
+    named: Sequence[Named],
+) -> Place | None:
+    told = zip(causes, named, strict=True)
+    own = [cause for cause, one in told if one.label != ALSO_TRUE]
+    return place_of(key, own, diagnosis["mismatch"] if diagnosis else ())
 
 
 def _labelled(

@@ -11,6 +11,7 @@ from bench.files import write_text
 
 from .judging import Judged
 from .rivals import METHODS
+from .robot_scoring import GOALS as ROBOT_GOALS
 from .scoring import GOALS
 from .stages import STAGES
 
@@ -22,6 +23,9 @@ CAPTIONS = {
     "coverage": "Errors of the main parameter, and intervals that hold the truth.",
     "explained": "Explainable held-out misfit that the named effects remove, case by case.",
     "failures": "The surest wrong names: residual of positions on a recording that was held out.",
+    "robots": "Whole robots: where what is hidden was found, against its size; each dot is a case.",
+    "robots_confusion": "Whole robots: what is hidden (rows) and what is named first (columns).",
+    "robots_failures": "Whole robots: the surest wrong names, in the joint that is left worst.",
 }
 STYLE = """
 :root { color-scheme: light dark; --ink: #22272e; --paper: #fff; --line: #d5d9df; }
@@ -48,12 +52,15 @@ def write_page(
         f"<title>Proof, seed {score['seed']}</title><style>{STYLE}</style>",
         f"<h1>Proof of the diagnosis: seed {score['seed']}, {score['cases']} cases</h1>",
         f"<p>{_provenance(score)}</p>",
-        _rows({name: score[name] for name in GOALS if name in score}),
+        _rows({name: score[name] for name in (*GOALS, *ROBOT_GOALS) if name in score}),
         *(
             f"<p>{escape(name)}: left out, {escape(why)}.</p>"
             for name, why in score["left_out"].items()
         ),
     ]
+    if "robots" in score:
+        parts.append(f"<h2>Whole robots: {score['robots']['cases']} cases</h2>")
+        parts.append(_rows(score["robots"]["rows"]))
     for name, file in figures.items():
         source = escape(str(file.relative_to(path.parent)))
         parts.append(
@@ -118,16 +125,26 @@ def _stages(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def _cases(cases: Sequence[Judged]) -> str:
-    lines = ["<div class='scroll'><table><tr><th>case<th>kind<th>concealed<th>hidden<th>size"]
-    lines.append("<th>verdict<th>named<th>right")
+    lines = ["<div class='scroll'><table><tr><th>case<th>on<th>kind<th>concealed<th>hidden"]
+    lines.append("<th>size<th>verdict<th>named<th>right<th>found in")
     for c in cases:
         named = ", ".join(f"{n.effect} {n.probability:.2f}" for n in c.named)
         hidden = ", ".join((*c.hidden, *(f"({n})" for n in c.ordinary)))
         size = "" if not c.hidden else f"{c.ratio:.2g}"
         verdict = f"{c.verdict} {c.failure}".strip()
-        cells = (c.case, c.kind, c.concealment, hidden, size, verdict, named, _right(c))
+        cells = (
+            *(c.case, c.rig, c.kind, c.concealment, hidden, size),
+            *(verdict, named, _right(c), _found_in(c)),
+        )
         lines.append("<tr>" + "".join(f"<td>{escape(cell)}" for cell in cells))
     return "\n".join([*lines, "</table></div>"])
+
+
+def _found_in(c: Judged) -> str:
+    if c.place is None:
+        return ""
+    told = c.place.told_phase or "no phase told"
+    return f"joints F1 {c.place.f1:.2f}; {told}, true {c.place.true_phase}"
 
 
 def _right(c: Judged) -> str:

@@ -226,9 +226,8 @@ def failures(cases: Sequence[Judged], answers: Path) -> Figure | None:
     return figure
 
 
-def draw(cases: Sequence[Judged], folder: Path, answers: Path) -> Mapping[str, Path]:
+def draw(cases: Sequence[Judged], folder: Path, answers: Path) -> dict[str, Path]:
     """Draw all figures into a folder; paths by name."""
-    folder.mkdir(exist_ok=True)
     made: dict[str, Figure | None] = {
         "power": power(cases),
         "confusion": confusion(cases),
@@ -237,4 +236,10 @@ def draw(cases: Sequence[Judged], folder: Path, answers: Path) -> Mapping[str, P
         "explained": explained(cases),
         "failures": failures(cases, answers),
     }
+    return saved(made, folder)
+
+
+def saved(made: Mapping[str, Figure | None], folder: Path) -> dict[str, Path]:
+    """Save the figures that there are into a folder; paths by name."""
+    folder.mkdir(exist_ok=True)
     return {name: save(f, folder / f"{name}.png") for name, f in made.items() if f is not None}

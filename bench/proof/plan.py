@@ -16,6 +16,7 @@ import numpy as np
 
 from bench.blind import Asked, Concealment, Kind
 from bench.blind.effects import EFFECTS
+from bench.blind.scenes import SCENES
 from bench.blind.sizing import RATIOS
 from bench.blind.unlisted import STRANGERS
 
@@ -47,6 +48,11 @@ class Planned:
     asked: Asked
     catalogue: tuple[str, ...] = ()  #: effects that the diagnosis may name; none: all
 
+    @property
+    def robot(self) -> bool:
+        """Whether it is of a whole robot."""
+        return self.asked.rig in SCENES
+
     def document(self) -> dict[str, Any]:
         """As plain values; :meth:`of` reads it."""
         return {
@@ -72,9 +78,11 @@ def case_seed(seed: int, what: str, attempt: int = 0) -> int:
 def plan(seed: int, cases: int | None = None, *, quick: bool = False) -> tuple[Planned, ...]:
     """The cases of a proof in the order they are diagnosed, shuffled.
 
-    ``cases``: a balanced part of so many. Raises ``ValueError`` if that is less than the number of
-    kinds.
+    ``cases``: a balanced part of so many, or none. Raises ``ValueError`` if that is less than the
+    number of kinds.
     """
+    if cases == 0:
+        return ()
     if quick:
         return _named(seed, list(_quick(seed)), QUICK_EFFECTS)
     numbers = dict(NUMBERS) if cases is None else shares(cases)
@@ -179,14 +187,15 @@ def _quick(seed: int) -> Iterator[tuple[int, Asked]]:
 def attempts(planned: Planned) -> Iterator[tuple[int, Asked]]:
     """What is tried, in this order, until a case can be had: other draws, then concealed plainly.
 
-    Not every effect reaches every size on every rig.
+    Not every effect reaches every size on every rig; a robot's scene is what it is.
     """
     asked = planned.asked
     yield planned.seed, asked
     yield case_seed(planned.seed, "again"), asked
     if asked.concealment != Concealment.PLAIN.value:
         yield case_seed(planned.seed, "plain"), replace(asked, concealment=Concealment.PLAIN.value)
-    yield case_seed(planned.seed, "open"), replace(asked, concealment=None)
+    if not planned.robot:
+        yield case_seed(planned.seed, "open"), replace(asked, concealment=None)
 
 
 def fingerprint(cases: tuple[Planned, ...]) -> str:

@@ -11,8 +11,11 @@ from .active import Active
 from .judging import Judged, judge
 from .page import write_page
 from .pictures import draw
+from .robot_pictures import draw_robots
+from .robot_scoring import GOALS as ROBOT_GOALS
+from .robot_scoring import WITHOUT, place_rows, robot_score
 from .running import Proof
-from .scoring import FORMAT, GOALS, LEFT_OUT, beside, score, set_goal
+from .scoring import FORMAT, GOALS, beside, score, set_goal
 from .stages import stages
 from .table import write_table
 
@@ -31,35 +34,41 @@ def write_score(
 ) -> dict[str, Any]:
     """Open the keys; write ``score.json``, ``cases.csv``, figures and page. Returns the score."""
     keys = proof.open(published, (active.digest(),) if active else ())
-    cases = judged_cases(proof, keys)
+    every = judged_cases(proof, keys)
+    cases, robots = [c for c in every if not c.robot], [c for c in every if c.robot]
     made_by = {proof.answers.read(name)[1]["sources_sha256"] for name in keys}
     made_by |= active.made_by() if active else set()
     document: dict[str, Any] = {
         "format": FORMAT,
         "seed": seed,
-        "cases": len(cases),
+        "cases": len(every),
         "not_had": len(proof.not_had),
         "diagnoser": published["diagnoser"],
         "frozen": made_by <= {published["diagnoser"]["sources_sha256"]},
         "confinement": published["confinement"],
         **score(cases),
-        "left_out": dict(LEFT_OUT),
+        **place_rows(robots),
+        "left_out": {} if robots else dict.fromkeys(ROBOT_GOALS, WITHOUT),
         "beside": beside(cases),
         "stages": stages([(key, proof.answers.read(name)[0]) for name, key in keys.items()]),
     }
+    if robots:
+        document["robots"] = robot_score(robots)
     if active:
         row = active.score(keys)
         set_goal(row, *GOALS["resolved_by_experiment"])
         document["resolved_by_experiment"] = row
     else:
         document["left_out"]["resolved_by_experiment"] = "the proof was run without --active"
-    if baselines:
-        names = rivals.chosen(proof, baselines)
+    names = rivals.chosen(proof, baselines)
+    if names:
         rows = rivals.compare(proof, names, keys)
         document["baselines"] = {"cases": len(names), "rows": rows}
     told: dict[str, Any] = finite(document)
-    write_table(cases, proof.folder / "cases.csv")
+    write_table(every, proof.folder / "cases.csv")
     write_json(proof.folder / "score.json", told)
-    figures = draw(cases, proof.folder / "figures", proof.answers.answers)
-    write_page(proof.folder / "index.html", told, cases, figures)
+    folder = proof.folder / "figures"
+    figures = draw(cases, folder, proof.answers.answers) if cases else {}
+    figures |= draw_robots(robots, folder, proof.answers.answers) if robots else {}
+    write_page(proof.folder / "index.html", told, every, figures)
     return told

@@ -39,8 +39,8 @@ def answers_of(proof: Proof, method: str) -> Answers:
 
 
 def chosen(proof: Proof, count: int) -> list[str]:
-    """The first cases: in their shuffled order, a sample of all kinds."""
-    return list(proof.had[:count])
+    """The first cases of one joint: in their shuffled order, a sample of all kinds."""
+    return list(proof.joints[:count])
 
 
 def run(proof: Proof, count: int) -> Iterator[tuple[int, int]]:

@@ -68,6 +68,12 @@ class Proof:
         """Names of the cases that were written, in their order."""
         return tuple(p.name for p in self.planned if (self.cases / p.name).exists())
 
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of those that are of one joint."""
+        robots = {p.name for p in self.planned if p.robot}
+        return tuple(name for name in self.had if name not in robots)
+
     @property
     def left(self) -> list[str]:
         """Names of the cases that have no answer yet."""

@@ -1,4 +1,4 @@
-"""The score: every row of the table that data of one joint speaks for, and what is beside it."""
+"""The score: every row of the table that any case speaks for, and what is beside it."""
 
 from __future__ import annotations
 
@@ -37,11 +37,6 @@ GOALS: Mapping[str, tuple[float, float, bool]] = {
 }
 SECOND_GUESS = (0.90, 0.99, True)
 COVERAGE_MOST = 0.97  #: intervals that cover more than this are too wide to be great
-#: rows that need several joints
-LEFT_OUT = {
-    "joint_group_f1": "one joint has no groups: waits for the proof on whole robots",
-    "phase_right": "one joint on a rig has no stance and swing: waits for whole robots",
-}
 
 
 def share(hits: Iterable[bool]) -> Row:

@@ -8,7 +8,9 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from bench.diagnosis.robot_running import walks
 from bench.recording import read
+from busemu.tables import load_robot
 
 from .equivalence import Sight, same
 
@@ -25,8 +27,15 @@ OF_DRIVE = (
 )
 
 
+def of_robot(case: Path) -> bool:
+    """Whether a case is diagnosed as a whole robot, as ``busemu diagnose`` decides."""
+    return walks(load_robot(case / "robot.toml"))
+
+
 def sight_of(case: Path) -> Sight:
     """What the recordings of a case can show: from the robot file and a recording."""
+    if of_robot(case):
+        return Sight(position_only=True, upright=False, all_feet=True)
     robot: dict[str, Any] = tomllib.loads((case / "robot.toml").read_text("utf-8"))
     x, y, z = robot["body"][0]["axis"]["value"]
     first = read(min((case / "recordings").glob("*.parquet")))

@@ -34,6 +34,10 @@ COLUMNS = (
     "mse_after_rad2",
     "mse_oracle_rad2",
     "explained_share",
+    "joint_group_f1",
+    "mismatch_f1",
+    "true_phase",
+    "told_phase",
     "seconds",
     "failure",
 )
@@ -70,6 +74,10 @@ def line(c: Judged) -> Mapping[str, Any]:
         "mse_after_rad2": f"{c.mse_after:.6g}",
         "mse_oracle_rad2": f"{c.mse_oracle:.6g}",
         "explained_share": "" if c.explained is None else f"{c.explained:.4f}",
+        "joint_group_f1": f"{c.place.f1:.4f}" if c.place else "",
+        "mismatch_f1": f"{c.place.mismatch_f1:.4f}" if c.place else "",
+        "true_phase": c.place.true_phase if c.place else "",
+        "told_phase": c.place.told_phase if c.place else "",
         "seconds": f"{c.seconds:.1f}",
         "failure": c.failure,
     }

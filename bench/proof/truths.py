@@ -9,10 +9,11 @@ from types import MappingProxyType
 from typing import Any
 
 from bench.blind.rigs import RIGS
+from bench.blind.scenes import SCENES
 from bench.blind.servos import Sheet
 
 Values = Mapping[str, float]
-Translate = Callable[[Values, Values, Sheet], float]
+Translate = Callable[[Values, Values, Sheet | None], float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +44,20 @@ def _inverse(name: str) -> Translate:
     return lambda value, off, sheet: 1.0 / value[name]
 
 
+def _beyond_off(name: str) -> Translate:
+    return lambda value, off, sheet: value[name] - off[name]
+
+
+def _more_compliant(name: str) -> Translate:
+    return lambda value, off, sheet: 1.0 / value[name] - 1.0 / off[name]
+
+
 def _of_rotor(name: str) -> Translate:
-    return lambda value, off, sheet: 1.0 + value[name] / sheet.armature_kg_m2
+    def translate(value: Values, off: Values, sheet: Sheet | None) -> float:
+        assert sheet is not None, "a rotor's inertia is hidden on rigs only"
+        return 1.0 + value[name] / sheet.armature_kg_m2
+
+    return translate
 
 
 #: by effect: the catalogue's parameters, the one that says how large it is first
@@ -101,10 +114,27 @@ TABLE: Mapping[str, Mapping[str, Translate]] = MappingProxyType(
         "zero_offset": {"offset_rad": _negative("angle_rad")},
     }
 )
+#: the same of whole robots, whose files already have some of it
+ROBOT_TABLE: Mapping[str, Mapping[str, Translate]] = MappingProxyType(
+    {
+        **{name: TABLE[name] for name in ("backlash", "gain_error", "link_mass", "payload")},
+        **{name: TABLE[name] for name in ("supply_voltage", "torque_limit")},
+        "com_offset": {"y_m": _is("y_m")},
+        "foot_compliance": {"stiffness_n_m": _is("stiffness_n_m")},
+        "foot_slip": {"scale": _over_off("friction")},
+        "ground_compliance": {"stiffness_n_m": _is("stiffness_n_m")},
+        "ground_tilt": {"pitch_rad": _is("pitch_rad"), "roll_rad": _is("roll_rad")},
+        "joint_compliance": {"compliance_rad_nm": _more_compliant("stiffness_nm_rad")},
+        "voltage_sag": {"resistance_ohm": _beyond_off("resistance_ohm")},
+    }
+)
 #: off values that are not 0
 OFF: Mapping[str, float] = MappingProxyType(
     {
+        "foot_compliance": math.inf,
+        "foot_slip": 1.0,
         "gain_error": 1.0,
+        "ground_compliance": math.inf,
         "link_mass": 1.0,
         "overload_shutdown": math.inf,
         "rotor_inertia": 1.0,
@@ -123,8 +153,8 @@ def true_parameters(hidden: Mapping[str, Any], rig: str) -> dict[str, Truth]:
     told = hidden["parameters"]
     value = {name: _number(q["value"]) for name, q in told.items()}
     off = {name: _number(q["off"]) for name, q in told.items()}
-    names = TABLE.get(hidden["effect"], {})
-    sheet = RIGS[rig].sheet
+    names = (ROBOT_TABLE if rig in SCENES else TABLE).get(hidden["effect"], {})
+    sheet = None if rig in SCENES else RIGS[rig].sheet
     found = {}
     for index, (name, translate) in enumerate(names.items()):
         if all(map(math.isfinite, value.values())):

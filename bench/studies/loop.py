@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.blind.legged_case import passing
+from bench.blind.legged_sizing import passing
 from bench.blind.scenes import SCENES, play
 from bench.diagnosis.journal import FOLDER, Journal
 from bench.diagnosis.robot_judging import Judgement, rmse_rad

@@ -9,12 +9,21 @@ import mujoco
 import numpy as np
 import pytest
 
-from bench.blind import Asked, drafts, legged_case, open_key, open_truth, rerun, write_case
+from bench.blind import (
+    Asked,
+    drafts,
+    legged_case,
+    legged_sizing,
+    open_key,
+    open_truth,
+    rerun,
+    write_case,
+)
 from bench.blind.drives import Electrics
 from bench.blind.legged import Body, document, said
 from bench.blind.legged_effects import LEGGED, Where, Whole
 from bench.blind.legs import GRAVITY_M_S2, LegsPlant
-from bench.blind.scenes import LEG, POSTURE, SCENES, Group, Scene, play
+from bench.blind.scenes import LEG, OBSERVE_S, POSTURE, SCENES, Group, Scene, play
 from bench.motions import ExperimentPlan, WalkPlan, motion
 from bench.recording import read
 from busemu.plant import DriveCommand
@@ -47,6 +56,42 @@ def test_feet_carry_the_weight_and_a_soft_floor_gives_by_it() -> None:
         plant.advance(plant.now_s + 2e-3)
     weight_n = GRAVITY_M_S2 * (float(plant.model.body_mass.sum()) - 3.0)
     assert -stiffness * plant.data.joint("floor").qpos[0] == pytest.approx(weight_n, rel=0.02)
+
+
+def test_a_leg_stands_while_its_foot_carries() -> None:
+    plant = standing(Body())
+    stands = plant.stands.reshape(6, 3)
+    assert (stands.any(axis=1) == stands.all(axis=1)).all()  # a leg with all its joints
+    forces = plant.observe()
+    loaded = [forces[f"contact/leg{n}_n"] > 0.0 for n in range(1, 7)]
+    assert stands[:, 0].tolist() == loaded
+    assert any(loaded)
+    held = LegsPlant(load_robot("marvin"), Body(support="suspended", legs=(LEG,)))
+    assert not held.stands.any()
+
+
+def test_the_share_in_stance_is_of_squares_while_walking() -> None:
+    before, after = (round(s / OBSERVE_S) for s in (legged_sizing.BEGINNING_S, legged_sizing.END_S))
+    count = before + 10 + after
+    still = legged_sizing.Track(np.zeros((count, 2)), np.tile([True, False], (count, 1)))
+    angle = np.full((count, 2), 7.0)  # standing up and lying down do not count
+    angle[before : before + 10] = [2.0, 1.0]
+    moved = legged_sizing.Track(angle, ~still.stands)
+    assert legged_sizing.standing_share([still], [moved]) == pytest.approx(4 / 5)
+
+
+def test_soft_tips_move_joints_that_stand(monkeypatch: pytest.MonkeyPatch) -> None:
+    walk = (Group("straight", WalkPlan(seconds=2.0)),)
+    scene = Scene("short-walk", "marvin", "ground", walk, (), ("straight",))
+    monkeypatch.setattr(legged_sizing, "SCENES", {scene.name: scene})
+    effect = LEGGED["foot_compliance"]
+    hidden = legged_case.LeggedHidden(effect.name, 1 / 300, 3.0, 3.0, Where(1, ("leg2", "leg5")))
+    share = legged_case.stance_share(scene, [hidden])
+    assert share is not None
+    assert 2 / 3 < share <= 1.0
+    assert hidden.joints == tuple(f"leg{n}.{link}" for n in (2, 5) for link in POSTURE)
+    assert legged_case.stance_share(scene, []) is None
+    assert legged_case.stance_share(SCENES["marvin-leg"], [hidden]) is None
 
 
 def test_loaded_femur_on_a_stand_has_the_torque_of_its_weight() -> None:
@@ -113,7 +158,7 @@ def test_legged_effect_moves_the_trace(name: str) -> None:
     if effect.standing:
         fast = motion("steps", amplitude_rad=0.45, center_rad=0.5, duration_s=1.2)
         plan = ExperimentPlan(fast, joint=f"{LEG}.femur")
-    base = legged_case.believed(scene, plan)
+    base = legged_sizing.believed(scene, plan)
     legs = tuple(leg["name"] for leg in scene.robot.document["leg"])
     size = 0.5 * (effect.typical + effect.most)
     changed, truth = effect.apply(base, size, Where(1, legs))
@@ -148,7 +193,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> Scene:
     ]
     held_out = ("tibia-held-out",)
     scene = Scene("short-leg", "marvin", "suspended", tuple(moves), held_out, ("femur",))
-    for module in (legged_case, drafts):
+    for module in (legged_case, legged_sizing, drafts):
         monkeypatch.setattr(module, "SCENES", {scene.name: scene})
     return scene
 

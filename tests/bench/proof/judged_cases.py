@@ -53,3 +53,30 @@ def diagnosis(*causes, verdict=None, before=0.01, after=0.002):
 def judged(a_key, a_diagnosis, name="case-0001", **told):
     """A case of both."""
     return judge(name, a_key, a_diagnosis, TOLD | told)
+
+
+def hidden_in(name, joints, ratio=5.0, **parameters):
+    """An effect as the key of a robot has it, with the joints that it is in."""
+    return {**effect(name, ratio, **parameters), "joints": list(joints)}
+
+
+def robot_key(kind="single", *effects, ordinary=(), rig="marvin-walk", stance_share=0.9, **more):
+    """The key of a robot; ``stance_share`` is of all that is hidden."""
+    found = key(kind, *effects, ordinary=ordinary, rig=rig, stance_share=stance_share)
+    del found["programme"], found["style"]
+    return found | more
+
+
+def placed(name, scope=(), probability=0.99, **more):
+    """A cause of a robot, at some places; none: in the whole robot."""
+    return {**cause(name, probability, **more), "scope": list(scope)}
+
+
+def mismatch(joints, phase, share=0.5):
+    """A place of a misfit."""
+    return {"joints": list(joints), "phase": phase, "share": share}
+
+
+def robot_diagnosis(*causes, places=(), **more):
+    """A diagnosis of a robot with the places of its misfit."""
+    return diagnosis(*causes, **more) | {"mismatch": list(places)}

@@ -102,7 +102,7 @@ def test_what_was_not_run_is_left_out_with_a_word(tmp_path):
     list(proof.answer())
     score = write_score(proof, 9, published)
     assert "--active" in score["left_out"]["resolved_by_experiment"]
-    assert "whole robots" in score["left_out"]["joint_group_f1"]
+    assert "--robots" in score["left_out"]["joint_group_f1"]
     assert score["false_alarms"]["value"] == 0.0
     assert score["false_alarms"]["n"] == 2
 

@@ -1,0 +1,164 @@
+"""Rows of robots counted by hand, apart from those of the joints; files with and without them."""
+
+import csv
+import json
+
+import pytest
+from judged_cases import (
+    cause,
+    diagnosis,
+    effect,
+    hidden_in,
+    judged,
+    key,
+    mismatch,
+    placed,
+    robot_diagnosis,
+    robot_key,
+)
+from sealed_cases import small_proof
+
+from bench.proof import report
+from bench.proof.report import write_score
+from bench.proof.robot_pictures import draw_robots
+from bench.proof.robot_scoring import GOALS, place_rows, robot_score
+from bench.proof.scoring import GOALS as JOINT_GOALS
+
+TIBIAS = [f"leg{n}.tibia" for n in range(1, 7)]
+EVERY = [f"leg{n}.{link}" for n in range(1, 7) for link in ("coxa", "femur", "tibia")]
+STANDS = [mismatch(TIBIAS, "stance")]
+SWINGS = [mismatch(TIBIAS, "swing")]
+
+
+def mass(ratio):
+    return hidden_in("link_mass", TIBIAS, ratio, factor=(1.5, 1.0))
+
+
+def weight(ratio):
+    return hidden_in("payload", EVERY, ratio, mass_kg=(0.3, 0.0))
+
+
+@pytest.fixture(scope="module")
+def cases():
+    right = placed("link_mass", TIBIAS, scale=(1.45, 1.4, 1.55))
+    return [
+        judged(robot_key("single", mass(6.0)), robot_diagnosis(right, places=STANDS), "robot-1"),
+        judged(
+            robot_key("single", mass(4.0), rig="phantomx-walk"),
+            robot_diagnosis(placed("payload"), places=SWINGS),
+            "robot-2",
+        ),
+        judged(robot_key("single", weight(4.0)), robot_diagnosis(placed("payload")), "robot-3"),
+        judged(robot_key("single", mass(1.0)), robot_diagnosis(), "robot-4"),
+        judged(
+            robot_key("deleted", mass(4.0)),
+            robot_diagnosis(places=STANDS, verdict="unexplained"),
+            "robot-5",
+        ),
+        judged(robot_key("null", stance_share=None), robot_diagnosis(), "robot-6"),
+    ]
+
+
+def test_joint_groups_are_a_mean_over_cases_at_three_times_the_floor(cases):
+    row = place_rows(cases)["joint_group_f1"]
+    # rightly; all joints for six of them; all of all; the six of the mismatch
+    assert row["n"] == 4
+    assert row["value"] == pytest.approx((1.0 + 0.5 + 1.0 + 1.0) / 4)
+    assert row["ci95"][0] <= row["value"] <= row["ci95"][1]
+    assert (row["good"], row["great"]) == GOALS["joint_group_f1"][:2]
+    assert row["in_some_joints"]["value"] == pytest.approx((1.0 + 0.5 + 1.0) / 3)
+    assert row["nameable"]["value"] == pytest.approx((1.0 + 0.5 + 1.0) / 3)
+    assert row["nameable"]["n"] == 3
+    assert row["of_mismatch"]["value"] == pytest.approx((1.0 + 1.0 + 0.0 + 1.0) / 4)
+    assert row["at_all_sizes"]["n"] == 5
+
+
+def test_phases_are_a_share_of_cases(cases):
+    row = place_rows(cases)["phase_right"]
+    assert (row["value"], row["n"]) == (0.5, 4)  # stance where it is stance, twice
+    assert row["told_at_all"]["value"] == 0.75
+    assert row["at_all_sizes"]["value"] == pytest.approx(2 / 5)
+    assert row["met"] == "no"
+
+
+def test_without_a_robot_the_rows_are_empty_and_not_nought():
+    for row in place_rows([]).values():
+        assert (row["value"], row["n"], row["ci95"], row["met"]) == (None, 0, None, "unknown")
+
+
+def test_robots_have_the_rows_of_the_joints_on_their_own(cases):
+    found = robot_score(cases)
+    assert found["cases"] == 6
+    assert set(found["rows"]) == set(JOINT_GOALS) - {"full_set_triples", "resolved_by_experiment"}
+    named = found["rows"]["named_at_3_floor"]
+    assert (named["value"], named["n"]) == (pytest.approx(2 / 3), 3)
+    assert found["rows"]["false_alarms"]["n"] == 1
+    assert found["rows"]["full_set_pairs"]["value"] is None
+    assert set(found["beside"]["place_by_scene"]) == {"marvin-walk", "phantomx-walk"}
+    assert found["beside"]["place_by_scene"]["phantomx-walk"]["joint_group_f1"]["n"] == 1
+
+
+def joint():
+    hidden = effect("backlash", 5.0, width_rad=(0.02, 0.0))
+    return judged(key("single", hidden), diagnosis(cause("backlash")), "case-0001")
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """Write the score of cases made by hand; returns it, the page and the lines of the table."""
+
+    def write(some):
+        proof = small_proof(tmp_path / "proof")
+        proof.folder.mkdir()
+        monkeypatch.setattr(type(proof), "open", lambda *_: {})
+        monkeypatch.setattr(report, "judged_cases", lambda *_: some)
+        published = {
+            "diagnoser": {"commit": "some", "sources_sha256": "this"},
+            "confinement": "none",
+        }
+        score = write_score(proof, 9, published)
+        assert json.loads((proof.folder / "score.json").read_text()) == score
+        with (proof.folder / "cases.csv").open(newline="") as file:
+            lines = list(csv.DictReader(file))
+        return score, (proof.folder / "index.html").read_text(), lines
+
+    return write
+
+
+def test_joints_without_robots_have_empty_rows_and_a_word_why(written):
+    score, page, lines = written([joint()])
+    assert "robots" not in score
+    assert score["joint_group_f1"]["value"] is None
+    assert "--robots" in score["left_out"]["joint_group_f1"]
+    assert "<td>joint_group_f1<td>no case<td>0" in page
+    assert "Whole robots" not in page
+    assert lines[0]["joint_group_f1"] == lines[0]["true_phase"] == ""
+
+
+def test_robots_without_joints_leave_the_joints_rows_empty(written, cases):
+    score, page, lines = written(cases)
+    assert score["cases"] == 6
+    assert score["named_at_3_floor"]["value"] is None
+    assert score["robots"]["rows"]["named_at_3_floor"]["n"] == 3
+    assert score["joint_group_f1"]["n"] == 4
+    assert "joint_group_f1" not in score["left_out"]
+    assert "<h2>Whole robots: 6 cases</h2>" in page
+    assert "<td>named_at_3_floor<td>no case<td>0" in page
+    assert "figures/robots.png" in page
+    assert "figures/power.png" not in page
+    assert "joints F1 0.50; swing, true stance" in page
+    assert lines[1]["joint_group_f1"] == "0.5000"
+    assert (lines[1]["told_phase"], lines[1]["true_phase"]) == ("swing", "stance")
+
+
+def test_both_stand_apart(written, cases):
+    score, page, lines = written([joint(), *cases])
+    assert (score["cases"], score["robots"]["cases"], len(lines)) == (7, 6, 7)
+    assert score["named_at_3_floor"]["n"] == 1  # no robot among the joints
+    assert score["false_alarms"]["n"] == 0
+    for name in ("power", "robots", "robots_confusion"):
+        assert f"src='figures/{name}.png'" in page
+
+
+def test_nulls_alone_can_be_drawn(tmp_path, cases):
+    assert set(draw_robots(cases[-1:], tmp_path, tmp_path)) == {"robots", "robots_confusion"}
