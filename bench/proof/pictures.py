@@ -95,7 +95,8 @@ def confusion(cases: Sequence[Judged]) -> Figure:
     named = [n for n in named if n not in (NOTHING, LEFT)] + [NOTHING, LEFT]
     shares = np.array([[rows[t][n] / sum(rows[t].values()) for n in named] for t in order])
     figure = Figure(
-        figsize=(2.8 + 0.26 * len(named), 2.4 + 0.2 * max(len(order), 4)), layout="constrained"
+        figsize=(max(2.8 + 0.26 * len(named), 6.0), 2.4 + 0.2 * max(len(order), 4)),
+        layout="constrained",
     )
     axes = figure.subplots()
     axes.grid(visible=False)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from bench.blind.sizing import RATIOS
 from bench.figures.style import GOAL, INK, MEASURED, STOP, styled
 
 from .judging import Judged
@@ -16,6 +17,7 @@ from .pictures import confusion, failures, saved
 from .robot_scoring import GOALS
 
 JITTER = 0.03  #: of dots that would lie on each other, as a share
+WIDEST = 10.0  #: ratio that axes reach at least
 
 
 @styled
@@ -34,24 +36,22 @@ def places(cases: Sequence[Judged]) -> Figure:
         right.plot([x], [y], "o", ms=4, color=colour, alpha=0.8)
     for colour, label in (
         (MEASURED, "rightly named"),
-        (GOAL, "not named"),
+        (GOAL, "nothing wrong named"),
         (STOP, "something wrong named"),
     ):
         left.plot([], [], "o", ms=4, color=colour, label=label)
+    most = max([WIDEST, *(1.3 * c.ratio for c in told)])
     for axes in (left, right):
         axes.set_xscale("log")
         axes.axvline(3.0, color=INK, lw=0.6, ls=":")
-        axes.set(xlabel="size / detection floor", ylim=(-0.12, 1.12))
-        ticks = [
-            x for x in (0.5, 1, 2, 3, 5, 8) if not told or x <= 1.5 * max(x.ratio for x in told)
-        ]
-        axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
+        axes.set_xticks(RATIOS, [f"{ratio:g}" for ratio in RATIOS])
         axes.minorticks_off()
+        axes.set(xlabel="size / detection floor", ylim=(-0.12, 1.12), xlim=(0.4, most))
     left.axhline(GOALS["joint_group_f1"][1], color=GOAL, lw=1, ls="--")
     left.set(title="Joints: F1 of told and true", ylabel="F1")
-    left.legend(loc="lower right")
     right.set_yticks([0, 1], ["wrong", "right"])
     right.set(title="Phase of the gait")
+    figure.legend(loc="outside lower center", ncols=3)
     return figure
 
 

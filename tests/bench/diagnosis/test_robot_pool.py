@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 from walking_robots import marvin, walked
 
+from bench.diagnosis import robot_pool
 from bench.diagnosis.journal import Journal
 from bench.diagnosis.robot_features import Features
 from bench.diagnosis.robot_pool import ROWS, Job, Replays
@@ -44,3 +45,13 @@ def test_a_replay_of_another_recording_is_another(features, kept):
     with replays(replace(features, course=other), folder) as second:
         second.run([SHORT])
         assert second.count == 1
+
+
+def test_where_the_system_gives_no_semaphores_one_process_does_all(features, kept, monkeypatch):
+    def denied(*_):
+        raise PermissionError("[Errno 13] Permission denied")
+
+    monkeypatch.setattr(robot_pool, "ProcessPoolExecutor", denied)
+    with Replays(marvin(), [features], (), processes=2) as alone:
+        (outcome,) = alone.run([SHORT])
+    assert (outcome.angle_rad == kept[1].angle_rad).all()
