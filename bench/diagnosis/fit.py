@@ -307,13 +307,20 @@ def least_squares(
         normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior)
         slope = jacobian.T @ (weight * residual) + prior * z
         scale = np.maximum(np.diag(normal), 1e-9)
-        tried = []
+        tried, factors = [], []
         for factor in DAMPINGS:
             system = normal + np.diag(damping * factor * scale)
-            root = np.linalg.cholesky(system).T
-            wanted = np.linalg.solve(root.T, -slope)
-            step = lsq_linear(root, wanted, (box[0] - z - 1e-9, box[1] - z + 1e-9)).x
+            try:
+                root = np.linalg.cholesky(system).T
+                wanted = np.linalg.solve(root.T, -slope)
+                step = lsq_linear(root, wanted, (box[0] - z - 1e-9, box[1] - z + 1e-9)).x
+            except np.linalg.LinAlgError:  # too near singular: only more damping helps
+                continue
             tried.append(np.clip(z + step, *box))
+            factors.append(factor)
+        if not tried:
+            damping *= 100.0
+            continue
         values = costs(tried)
         best = int(np.argmin(values))
         if not values[best] < now:
@@ -323,7 +330,7 @@ def least_squares(
             continue
         gained, now = now - values[best], values[best]
         z = tried[best]
-        damping = max(1e-6, damping * DAMPINGS[best])
+        damping = max(1e-6, damping * factors[best])
         if gained < ENOUGH:
             break
     return z

@@ -7,7 +7,8 @@ tells it: the duty has been at the threshold or above for the overload's time ju
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,26 +22,28 @@ from .noise import Block
 Floats = NDArray[np.float64]
 
 LETS_GO = "overload_shutdown"
-UNLIKE = 4.0  #: times as far from the model as before, from when on a recording breaks with it
-LEAST = 20  #: samples on either side
+UNLIKE = 8.0  #: times the usual residual of all recordings, beyond which one breaks with its model
+LASTING = 20  #: samples on end that it must be so, no mere transient
 TIMES_S = (0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.0, 3.0)  #: of an overload that are tried
-LATE_S = (0.0, 0.02, 0.05, 0.1)  #: after the trip, at which a break may be seen
-BELOW = 0.99  #: of the least duty that was still too high
+LATE_S = (0.0, 0.02, 0.05, 0.1, 0.2)  #: after the trip, at which a break may be seen
+LEAST = 5  #: samples of the duty in that time
+ALMOST_LEAST = 0.05  #: quantile of the duty in that time which was still too high
+BELOW = 0.99
 
 
-def breaks_s(block: Block) -> float | None:
-    """From when on residuals are of another size than before [s]; ``None`` where they are not."""
-    count = len(block.value)
-    if count < 2 * LEAST:
-        return None
-    squares = np.cumsum(block.value**2) + 1e-300
-    first = np.arange(LEAST, count - LEAST)
-    before, after = squares[first - 1] / first, (squares[-1] - squares[first - 1]) / (count - first)
-    cost = first * np.log(before + 1e-300) + (count - first) * np.log(after + 1e-300)
-    best = int(np.argmin(cost))
-    if after[best] < UNLIKE**2 * before[best]:
-        return None
-    return float(block.t_s[first[best]])
+def breaks_s(blocks: Mapping[int, Block]) -> dict[int, float]:
+    """From when on recordings are far and lastingly from their model [s], those that ever are."""
+    if not blocks:
+        return {}
+    usual = float(np.median(np.abs(np.concatenate([b.value for b in blocks.values()]))))
+    found = {}
+    for r, block in blocks.items():
+        far = (np.abs(block.value) > UNLIKE * usual).astype(np.int64)
+        run = np.convolve(far, np.ones(LASTING, np.int64), mode="valid")
+        lasting = np.flatnonzero(run == LASTING)
+        if len(lasting) and lasting[0] > 0:
+            found[r] = float(block.t_s[lasting[0]])
+    return found
 
 
 def overloads(
@@ -48,22 +51,20 @@ def overloads(
 ) -> list[Floats]:
     """Values of the overload's knobs that would trip where recordings break with their model."""
     blocks = model.residuals(hypothesis, [z], kinds=(Kind.POSITION,))[0]
-    breaks = {r: at for (r, _), block in blocks.items() if (at := breaks_s(block)) is not None}
+    breaks = breaks_s({r: block for (r, _), block in blocks.items()})
     if not breaks:
         return []
     duties = {r: model.duty(hypothesis, z, r) for r in breaks}
     duty, time = (effect(LETS_GO).parameter(name) for name in ("duty", "time_s"))
-    tried = []
-    for time_s in TIMES_S:
-        for late_s in LATE_S:
-            thresholds = []
-            for r, at in breaks.items():
-                t_s, sizes = duties[r]
-                within = (t_s >= at - late_s - time_s) & (t_s <= at - late_s)
-                if within.any() and at - late_s - time_s >= t_s[0]:
-                    thresholds.append(float(sizes[within].min()))
-            if not thresholds or not duty.low < min(thresholds) * BELOW < duty.high:
+    tried = set()
+    for r, at in breaks.items():
+        t_s, sizes = duties[r]
+        for time_s, late_s in product(TIMES_S, LATE_S):
+            first, last = np.searchsorted(t_s, (at - late_s - time_s, at - late_s))
+            if first == 0 or last - first < LEAST:
                 continue
-            values = {duty.name: min(thresholds) * BELOW, time.name: time_s}
-            tried.append(np.array([knob.at(values[knob.parameter.name]) for knob in knobs]))
-    return tried
+            threshold = BELOW * float(np.quantile(sizes[first:last], ALMOST_LEAST))
+            if duty.low < threshold < duty.high:
+                tried.add((round(threshold, 3), time_s))
+    values = [{duty.name: threshold, time.name: time_s} for threshold, time_s in sorted(tried)]
+    return [np.array([knob.at(one[knob.parameter.name]) for knob in knobs]) for one in values]

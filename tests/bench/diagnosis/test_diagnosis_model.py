@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, DUTY, POSITION, VOLTS, logs, model_of
 
+import bench.diagnosis.fit as fit_module
 from bench.diagnosis.fit import (
+    DAMPINGS,
     block_costs,
     bounds,
     estimate_noise,
@@ -214,6 +216,22 @@ def test_a_fit_stays_within_bounds(null):
     found = fit(null, having("torque_limit"), np.full(len(low), 3.0))
     assert (found.z >= low).all()
     assert (found.z <= high).all()
+
+
+def test_a_system_too_near_singular_is_met_with_more_damping(null, monkeypatch):
+    solve, calls = fit_module.lsq_linear, []
+
+    def stubborn(*args):
+        calls.append(args)
+        if len(calls) <= len(DAMPINGS):
+            raise np.linalg.LinAlgError
+        return solve(*args)
+
+    monkeypatch.setattr(fit_module, "lsq_linear", stubborn)
+    start = np.full(len(null.nuisances), 0.7)
+    found = fit(null, Hypothesis(), start)
+    assert len(calls) > len(DAMPINGS)
+    assert found.cost < fit(null, Hypothesis(), start, evaluations=0, rounds=1).cost
 
 
 def test_on_its_own_output_a_fit_leaves_the_nuisances_nearly_alone(null):
