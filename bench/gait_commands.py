@@ -103,7 +103,9 @@ def gait_search(
     except (RobotError, TableError, ProfileError, PhysicsError, GaitSearchError, OSError) as error:
         fail(error)
     except KeyboardInterrupt:
-        kept = f"{len(ledger)} walks are kept in {out}" if ledger is not None else "nothing was run"
+        kept = "nothing was run"
+        if ledger is not None:  # one may have been on its way to the disk
+            kept = f"{len(Ledger(out, ledger.robot))} walks are kept in {out}"
         typer.echo(f"interrupted; {kept}: the same command goes on")
         raise typer.Exit(130) from None
     typer.echo(f"\n{summary(result)}\n\nlook at   {', '.join(map(str, written))}")

@@ -36,6 +36,7 @@ class Ledger:
 
     def __init__(self, folder: Path, robot: Robot) -> None:
         self.folder = folder
+        self.robot = robot
         self._of = {"robot": robot.name, "sha256": fingerprint(robot)}
         self._found: dict[Job, Outcome] = {}
         if (folder / WALKS).exists():

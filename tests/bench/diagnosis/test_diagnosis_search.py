@@ -12,7 +12,7 @@ from bench.diagnosis.floor import tolerance
 from bench.diagnosis.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.rivals import CLOSE, rivals
+from bench.diagnosis.rivals import CLOSE, NONE_LEAST, _among, rivals
 from bench.diagnosis.running import (
     HELD_OUT_OF,
     LEAST_GROUPS,
@@ -90,6 +90,14 @@ def test_rivals_are_on_one_scale():
     assert all(r.behind_nats < CLOSE for r in close)
     assert set(fits) == {r.effect for r in close}
     assert without.hypothesis.effects == ()
+
+
+def test_a_faint_gain_is_stated_with_less_and_none_with_certainty():
+    model = model_of(logs(motions=["slow"]))
+    told = [_among(model, sized("gain_error", 0.0, nats), [])[0] for nats in (7.0, 60.0, 1e4)]
+    assert told == sorted(told)
+    assert told[0] < 0.5
+    assert told[2] == pytest.approx(1.0 - NONE_LEAST)
 
 
 def test_two_names_for_one_thing_are_rivals_of_like_probability():
