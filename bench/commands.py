@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from busemu.assemble import plants
-from busemu.cli import end_by_interrupt, fail
+from busemu.cli import fail
 from busemu.tables import Robot, RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError, load_profile
 
@@ -102,7 +102,6 @@ def walk(
         seconds, v_left, v_right, None if cycle_ms is None else cycle_ms / 1e3, seed
     )
     failure: Exception | None = None
-    end_by_interrupt()  # a walk that is killed lets go, too
     try:
         described = load_robot(robot)
         if record is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busemu.cli import end_by_interrupt, fail
+from busemu.cli import fail
 from busemu.tables import RobotError, TableError, load_robot, robots
 
 from .stages import stages
@@ -90,7 +90,6 @@ def diagnose(
 
     if budget is not None and not budget > 0.0:
         fail(f"--budget must be more than 0 seconds, not {budget:g}")
-    end_by_interrupt()
     journal = Journal(out / FOLDER)
     try:
         described = load_robot(robot)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from busemu.cli import end_by_interrupt, fail
+from busemu.cli import fail
 from busemu.tables import RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError
 
@@ -92,7 +92,6 @@ def experiment(
         fail(f"name a robot: --robot {' or --robot '.join(robots())}")
     chosen = EXPERIMENTS[name]
     campaign: Campaign | None = None
-    end_by_interrupt()
     try:
         if evaluate is not None:
             recordings = recordings_in(evaluate, name)

@@ -17,6 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from busemu.state import sync_folder
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
@@ -30,7 +32,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             yield file
             flush(file)
         part.replace(path)
-        _keep_names(path.parent)
+        sync_folder(path.parent)
     except OSError as error:
         if error.errno is not None and error.filename in (None, str(part)):
             error.filename = str(path)
@@ -79,11 +81,3 @@ def finite(document: Any) -> Any:
     if isinstance(document, float) and not math.isfinite(document):
         return None
     return document
-
-
-def _keep_names(folder: Path) -> None:
-    at = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(at)
-    finally:
-        os.close(at)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busemu.cli import end_by_interrupt, fail
+from busemu.cli import fail
 from busemu.tables import RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError
 
@@ -80,7 +80,6 @@ def gait_search(
     methods = tuple(Method) if method is None else (Method(method),)
     plan = Plan(budget, seconds, seed, methods)
     ledger: Ledger | None = None
-    end_by_interrupt()
     try:
         described = load_robot(robot)
         if model is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from busemu.cli import end_by_interrupt, fail
+from busemu.cli import fail
 
 if TYPE_CHECKING:
     from .proof.plan import Planned
@@ -82,7 +82,6 @@ def prove(
     if only_plan:
         return
     proof = Proof(out.resolve(), planned, processes)
-    end_by_interrupt()
     try:
         proof.prepare()
         with _bar("writing cases", len(planned)) as show:

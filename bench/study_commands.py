@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from busemu.cli import end_by_interrupt, fail
+from busemu.cli import fail
 
 from .stages import stages
 
@@ -39,7 +39,6 @@ def study(
     if name not in STUDIES:
         fail(f"no study named {name!r}: use {' or '.join(STUDIES)}")
     folder = out or Path(f"study-{name}")
-    end_by_interrupt()
     try:
         with stages() as say:
             lines = STUDY[name](folder, seed, say)

@@ -75,6 +75,7 @@ def _root(
     if show_version:
         typer.echo(version("busemu"))
         raise typer.Exit
+    _end_by_interrupt()
 
 
 @app.command("serve")
@@ -191,7 +192,6 @@ def serve_command(
 
         busemu serve --robot marvin --link /tmp/a --robot phantomx --link /tmp/b
     """
-    end_by_interrupt()
     try:
         count = len(robot)
         columns = zip(
@@ -277,13 +277,15 @@ def tables_command(
         fail(error)
 
 
-def end_by_interrupt() -> None:
-    """Have SIGINT, SIGTERM and SIGHUP all raise ``KeyboardInterrupt``.
+def _end_by_interrupt() -> None:
+    """Have SIGINT, SIGTERM and SIGHUP all raise ``KeyboardInterrupt``, so that all is put away.
 
-    A shell's background jobs start with SIGINT ignored, so that has to be said as well.
+    A shell's background jobs start with SIGINT ignored, so that has to be said as well. Whoever
+    has SIGHUP ignored (nohup) wants the program to outlive its terminal.
     """
     for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(ending, _stop)
+        if ending is not signal.SIGHUP or signal.getsignal(ending) is not signal.SIG_IGN:
+            signal.signal(ending, _stop)
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:

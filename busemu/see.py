@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .cli import end_by_interrupt, fail
+from .cli import fail
 from .tables import RobotError, TableError, load_robot, load_table, robots
 from .trace import WireEventKind
 from .traffic.explain import Explainer, Tables, brief, long
@@ -191,7 +191,6 @@ def _live(view: Monitor, path: Path) -> None:
     from rich.console import Console
     from rich.live import Live
 
-    end_by_interrupt()
     os.nice(NICE)
     console = Console()
     follower = Follower(path, TAIL_BYTES)

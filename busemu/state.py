@@ -96,7 +96,7 @@ class State:
                 os.write(file, self._text().encode())
                 os.fsync(file)
                 os.replace(partial, self.path)
-                _sync_folder(self.path.parent)
+                sync_folder(self.path.parent)
             except BaseException:
                 os.close(file)
                 partial.unlink(missing_ok=True)
@@ -191,8 +191,8 @@ class State:
         return registers, dict(backup)
 
 
-def _sync_folder(folder: Path) -> None:
-    """Have the folder's own entry on the disk, too."""
+def sync_folder(folder: Path) -> None:
+    """Have the names in a folder on the disk, too. Raises ``OSError``."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -17,7 +17,6 @@ from .search import (
     NEEDED,
     NUMBER_NATS,
     Gain,
-    Outside,
     Progress,
     confirm,
     drop,
@@ -123,13 +122,15 @@ def _chosen(
         say(f"{gain.effect} on recordings left out")
         without = without or score_outside(model, now)
         outside = held_out(without, score_outside(model, gain.fit), floors)
-        if _holds(gain, outside):
-            return replace(gain, held_out=outside)
+        judged = replace(gain, held_out=outside)
+        if _holds(judged):
+            return judged
     return None
 
 
-def _holds(gain: Gain, outside: Outside | None) -> bool:
+def _holds(gain: Gain) -> bool:
     """Whether a gain is there on groups left out, too: large enough to be seen, or plain."""
+    outside = gain.held_out
     if outside is None:
         return False
     nats = outside.nats / gain.inflation
@@ -160,7 +161,7 @@ def _together(
             without, *_ = drop(model, now, gain.effect)
             outside = held_out(score_outside(model, without), whole, floors)
             checked.append((outside.nats / gain.inflation, replace(gain, held_out=outside)))
-        failing = [pair for pair in checked if not _holds(pair[1], pair[1].held_out)]
+        failing = [pair for pair in checked if not _holds(pair[1])]
         if not failing:
             return now, [gain for _, gain in checked]
         worst = min(failing, key=lambda pair: pair[0])[1].effect

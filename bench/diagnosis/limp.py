@@ -28,7 +28,7 @@ TIMES_S = (0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.0, 3.0)  #: of an overloa
 LATE_S = (0.0, 0.02, 0.05, 0.1, 0.2)  #: after the trip, at which a break may be seen
 LEAST = 5  #: samples of the duty in that time
 ALMOST_LEAST = 0.05  #: quantile of the duty in that time which was still too high
-BELOW = 0.99
+BELOW = 0.99  #: share of that quantile: a threshold just under what was held so long
 
 
 def breaks_s(blocks: Mapping[int, Block]) -> dict[int, float]:

@@ -183,7 +183,7 @@ def _little(
     left = block_rms(blocks, Kind.POSITION)
     if not taken or not is_structured(remainder(judge, blocks), left, floor):
         return None
-    everywhere = {model, judge}
+    everywhere = list(dict.fromkeys((model, judge)))
     for gain in taken[::-1]:
         without, *_ = drop(model, after, gain.effect)
         if explained(everywhere, before, without, after, floor) < LITTLE:

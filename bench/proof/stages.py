@@ -10,12 +10,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bench.blind.rigs import RIGS
+from bench.diagnosis.search import NEEDED
 
-from .equivalence import Sight, same
-from .judging import POSITION_STYLE, UNKNOWN_KINDS
+from .judging import RIGHT, Judged, judge
 from .scoring import AT_1, share
 
-GAIN_NATS = 7.0  #: of a name without which nothing is taken; the diagnosis's own
 STAGES = {
     "likelihood": "the best single effect, by the likelihood as it is",
     "deflated": "the same, its gain divided by how much too sure the likelihood is",
@@ -30,7 +29,7 @@ def names_at(diagnosis: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
     for stage, key in (("likelihood", "gain_nats"), ("deflated", "deflated_nats")):
         best = max(alone, key=lambda row: float(row[key]), default=None)
-        enough = best is not None and float(best[key]) >= GAIN_NATS
+        enough = best is not None and float(best[key]) >= NEEDED
         found[stage] = (str(best["effect"]),) if best is not None and enough else ()
     answer = tuple(str(cause["effect"]) for cause in diagnosis["causes"])
     back = tuple(str(row["effect"]) for row in diagnosis.get("rejected", ()) if "gain_nats" in row)
@@ -46,23 +45,29 @@ def stages(
     among them; ``wrong``: a name that is not true, of all cases but nulls.
     """
     told = [
-        (key, names_at(answer))
+        (key, answer)
         for key, answer in answers
         if answer is not None and key["rig"] in RIGS  # whole robots are searched otherwise
     ]
-    return {stage: _rows([(key, names[stage]) for key, names in told]) for stage in STAGES}
+    return {
+        stage: _rows([_stopped(key, answer, stage) for key, answer in told]) for stage in STAGES
+    }
 
 
-def _rows(told: Sequence[tuple[Mapping[str, Any], Sequence[str]]]) -> dict[str, Any]:
-    alarms, right, wrong = [], [], []
-    for key, names in told:
-        sight = Sight(key["style"] == POSITION_STYLE, RIGS[key["rig"]].upright)
-        hidden = [] if key["kind"] in UNKNOWN_KINDS else [e["effect"] for e in key["effects"]]
-        true = [same(name, sight) for name in (*hidden, *(e["effect"] for e in key["ordinary"]))]
-        if key["kind"] == "null":
-            alarms.append(bool(names))
-            continue
-        wrong.append(any(not any(name in alike for alike in true) for name in names))
-        if key["kind"] == "single" and float(key["effects"][0]["ratio"]) >= AT_1:
-            right.append(any(name in true[0] for name in names))
-    return {"alarms": share(alarms), "right": share(right), "wrong": share(wrong)}
+def _stopped(key: Mapping[str, Any], answer: Mapping[str, Any], stage: str) -> Judged:
+    """A case judged as if its answer had been the names of a stage."""
+    causes = [
+        {"effect": name, "probability": 1.0, "indistinguishable_from": [], "parameters": {}}
+        for name in names_at(answer)[stage]
+    ]
+    return judge("", key, {**answer, "causes": causes}, {"failure": "", "seconds": 0.0})
+
+
+def _rows(cases: Sequence[Judged]) -> dict[str, Any]:
+    beside = [case for case in cases if case.kind != "null"]
+    single = [case for case in beside if case.kind == "single" and case.ratio >= AT_1]
+    return {
+        "alarms": share([bool(case.named) for case in cases if case.kind == "null"]),
+        "right": share([any(n.label == RIGHT for n in case.named) for case in single]),
+        "wrong": share([bool(case.wrong) for case in beside]),
+    }

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 import serial
 from dynamixel_sdk import GroupSyncRead, GroupSyncWrite
-from programs import sdk, until
+from programs import sdk, unheard, until
 from pty_server import Server, processes_with, serving
 from pypot.dynamixel.io import Dxl320IO, DxlIO
 
@@ -316,6 +316,14 @@ def test_link_leads_to_the_port_and_goes_with_the_server(tmp_path: Path, number:
         assert "Traceback" not in said
         until(lambda: not link.is_symlink())
         until(lambda: not processes_with(str(link)))
+
+
+def test_a_server_outlives_its_terminal_where_nohup_asks_for_that() -> None:
+    with serving("--robot", "marvin", through=unheard("INT HUP")) as server:
+        server.process.send_signal(signal.SIGHUP)
+        assert_served(server.path, "marvin")
+        code, said = server.end(signal.SIGINT)  # which background jobs have ignored, too
+        assert (code, "Traceback" in said) == (0, False)
 
 
 def test_link_of_a_killed_process_group_goes_too(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from dynamixel_sdk import PacketHandler, PortHandler
-from programs import until
+from programs import unheard, until
 from pty_server import serving
 from typer.testing import CliRunner
 
@@ -283,7 +283,7 @@ def test_the_live_view_follows_a_server_that_is_killed_and_starts_again(tmp_path
     master, slave = pty.openpty()
     os.set_blocking(master, False)
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "140", "LINES": "40"}
-    command = [*BUSEMU, "monitor", str(path)]
+    command = [*unheard("INT"), *BUSEMU, "monitor", str(path)]  # as a shell's background jobs
     shown = ""
 
     def shows(words):
@@ -305,17 +305,8 @@ def test_the_live_view_follows_a_server_that_is_killed_and_starts_again(tmp_path
                 reads(server.path, 10)
                 until(shows(said))
                 server.end(signal.SIGKILL)
-        end_s = 0.0
-
-        def ended():
-            nonlocal end_s
-            if time.monotonic() > end_s:  # pressed again by somebody to whom it takes too long
-                view.send_signal(signal.SIGINT)
-                end_s = time.monotonic() + 5.0
-            shows("")()  # a terminal goes on reading
-            return view.poll() is not None
-
-        until(ended)
+        view.send_signal(signal.SIGINT)
+        until(lambda: shows("")() and view.poll() is not None)  # a terminal goes on reading
         assert view.returncode == 0
         assert view.stderr.read() == b""
     finally:

@@ -38,6 +38,11 @@ def until(condition: Callable[[], object]) -> None:
         time.sleep(0.005)
 
 
+def unheard(signals: str) -> list[str]:
+    """What to put before a command for it to start with signals ignored, such as "INT HUP"."""
+    return ["sh", "-c", f"trap '' {signals}; exec \"$@\"", "sh"]
+
+
 @contextmanager
 def sdk(path: str, protocol: float, baud_rate: int = 1_000_000) -> Iterator[tuple[Any, Any]]:
     """The official SDK on a serial port: its port, and the packet handler of a protocol."""

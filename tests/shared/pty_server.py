@@ -8,7 +8,7 @@ import select
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -18,10 +18,12 @@ from programs import PATIENCE_S, until
 class Server:
     """`busemu serve` with arguments of the test; ready once it has named its port."""
 
-    def __init__(self, *arguments: object, plant: str = "ideal") -> None:
+    def __init__(
+        self, *arguments: object, plant: str = "ideal", through: Sequence[str] = ()
+    ) -> None:
         command = [sys.executable, "-m", "busemu", "serve", "--plant", plant]
         self.process = subprocess.Popen(
-            [*command, *map(str, arguments)],
+            [*through, *command, *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             start_new_session=True,
@@ -50,8 +52,10 @@ class Server:
 
 
 @contextmanager
-def serving(*arguments: object, plant: str = "ideal") -> Iterator[Server]:
-    server = Server(*arguments, plant=plant)
+def serving(
+    *arguments: object, plant: str = "ideal", through: Sequence[str] = ()
+) -> Iterator[Server]:
+    server = Server(*arguments, plant=plant, through=through)
     try:
         yield server
     finally:

@@ -239,8 +239,8 @@ def test_a_gain_holds_on_groups_left_out_if_it_is_large_there_or_plain(
     gained, outside, relief, holds
 ):
     gain = Gain("dead_zone", SimpleNamespace(), gained, 1.0)
-    assert _holds(gain, Outside(outside, relief, 0.0)) is holds
-    assert not _holds(gain, None)
+    assert _holds(replace(gain, held_out=Outside(outside, relief, 0.0))) is holds
+    assert not _holds(gain)
 
 
 def test_of_a_set_the_effect_that_gains_nothing_is_left_out_and_the_others_stay():

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from bench.proof.judging import judge
+from bench.proof.truths import OFF, true_parameters
+from sim.effects import catalogue
 
 TOLD = {"seconds": 12.0, "failure": ""}
 
@@ -80,3 +84,15 @@ def mismatch(joints, phase, share=0.5):
 def robot_diagnosis(*causes, places=(), **more):
     """A diagnosis of a robot with the places of its misfit."""
     return diagnosis(*causes, **more) | {"mismatch": list(places)}
+
+
+def tells(concealed, rig):
+    """Checks that an effect as its key has it is told in the catalogue's own words and counts."""
+    found = true_parameters(concealed, rig)
+    known = {p.name: p for p in catalogue()[concealed["effect"]].parameters}
+    assert found
+    assert set(found) <= set(known)
+    main = next(iter(found))
+    assert found[main].off == known[main].off == OFF.get(concealed["effect"], 0.0)
+    assert found[main].value != known[main].off
+    assert all(math.isfinite(true.value) for true in found.values())

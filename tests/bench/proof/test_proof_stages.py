@@ -2,7 +2,8 @@
 
 from judged_cases import diagnosis, effect, key
 
-from bench.proof.stages import GAIN_NATS, STAGES, names_at, stages
+from bench.diagnosis.search import NEEDED
+from bench.proof.stages import STAGES, names_at, stages
 
 
 def ranked(effect, gain_nats, deflated_nats, beside=()):
@@ -22,8 +23,8 @@ def answer(*causes, ranking=(), rejected=()):
 
 
 RANKING = (
-    ranked("backlash", 90.0, GAIN_NATS - 0.1),
-    ranked("dead_zone", 50.0, GAIN_NATS + 0.1),
+    ranked("backlash", 90.0, NEEDED - 0.1),
+    ranked("dead_zone", 50.0, NEEDED + 0.1),
     ranked("punch", 999.0, 999.0, beside=["dead_zone"]),
 )
 
@@ -36,7 +37,7 @@ def test_the_best_alone_is_named_by_likelihood_and_after_deflation():
         "left_out": (),
         "answer": (),
     }
-    few = names_at(answer(ranking=[ranked("backlash", GAIN_NATS - 0.1, 1.0)]))
+    few = names_at(answer(ranking=[ranked("backlash", NEEDED - 0.1, 1.0)]))
     assert few["likelihood"] == few["deflated"] == ()
     assert set(names) == set(STAGES)
 
@@ -50,11 +51,12 @@ def test_names_taken_back_stand_at_the_stage_before():
 
 
 def test_every_stage_is_scored_on_the_same_cases():
+    zone = effect("dead_zone", margin_rad=(0.01, 0.0))
     cases = [
         (key("null"), answer(ranking=RANKING)),
-        (key("single", effect("dead_zone")), answer(ranking=RANKING)),
-        (key("deleted", effect("dead_zone")), answer(ranking=RANKING)),
-        (key("single", effect("dead_zone")), None),  # it failed
+        (key("single", zone), answer(ranking=RANKING)),
+        (key("deleted", zone), answer(ranking=RANKING)),
+        (key("single", zone), None),  # it failed
     ]
     rows = stages(cases)
     assert {stage: row["alarms"]["value"] for stage, row in rows.items()} == {

@@ -1,15 +1,13 @@
 """The translation of keys: every hidden effect in the catalogue's own parameters."""
 
-import math
-
 import pytest
+from judged_cases import tells
 
 from bench.blind.changes import Setting
 from bench.blind.drafts import parameters
 from bench.blind.effects import EFFECTS
 from bench.blind.rigs import RIGS
-from bench.proof.truths import OFF, TABLE, error_of, true_parameters
-from sim.effects import catalogue
+from bench.proof.truths import TABLE, error_of, true_parameters
 
 RIG = "xl330-pendulum"
 
@@ -21,14 +19,7 @@ def told(name, size, sign=1):
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_a_typical_hidden_effect_is_told_in_the_catalogues_words(name):
-    found = true_parameters(told(name, EFFECTS[name].typical), RIG)
-    known = {p.name: p for p in catalogue()[name].parameters}
-    assert found
-    assert set(found) <= set(known)
-    main = next(iter(found))
-    assert found[main].off == known[main].off == OFF.get(name, 0.0)
-    assert found[main].value != known[main].off
-    assert all(math.isfinite(true.value) for true in found.values())
+    tells(told(name, EFFECTS[name].typical), RIG)
 
 
 def test_every_effect_that_can_be_hidden_is_in_the_table():
