@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from busemu.assemble import plants
-from busemu.cli import fail
+from busemu.cli import endings, fail
 from busemu.tables import Robot, RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError, load_profile
 
@@ -213,7 +213,7 @@ def tap(
     from .tapping import TapRecorder
 
     stop = threading.Event()
-    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for ending in endings():
         signal.signal(ending, lambda *_: stop.set())  # a second one changes nothing
     gone: DeviceLostError | None = None
     try:

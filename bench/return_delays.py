@@ -10,8 +10,8 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from types import FrameType
 
+from busemu.cli import endings
 from busemu.clock import Clock
 from hal.bus_client import BusClient
 from hal.bus_errors import BusError
@@ -26,7 +26,6 @@ TRIED = (0, 250)
 EEPROM_S = 0.02
 #: How often a write that fails is tried again before it is given up.
 TRIES = 3
-ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class ReturnDelayError(RuntimeError):
@@ -107,29 +106,23 @@ def time_at_each(
 def varied(client: BusClient, ids: list[int], clock: Clock) -> Iterator[ReturnDelays]:
     """Return delays that may be set within the block and are put back at its end.
 
-    Signals that end a program raise ``KeyboardInterrupt`` within the block, and wait while the
-    return delays are put back.
+    Signals that end a program wait while the return delays are put back.
     """
     delays = ReturnDelays(client, ids, clock)
-    with _signals(_interrupt):
-        try:
-            yield delays
-        finally:
-            with _signals(signal.SIG_IGN):
-                delays.restore()
-
-
-def _interrupt(signum: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+    try:
+        yield delays
+    finally:
+        with _unheard():
+            delays.restore()
 
 
 @contextmanager
-def _signals(action: object) -> Iterator[None]:
-    """Do ``action`` at :data:`ENDINGS`; only the main thread can say so."""
+def _unheard() -> Iterator[None]:
+    """Ignore signals that end a program; only the main thread can say so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {ending: signal.signal(ending, action) for ending in ENDINGS}  # type: ignore[arg-type]
+    before = {ending: signal.signal(ending, signal.SIG_IGN) for ending in endings()}
     try:
         yield
     finally:

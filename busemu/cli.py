@@ -277,15 +277,23 @@ def tables_command(
         fail(error)
 
 
-def _end_by_interrupt() -> None:
-    """Have SIGINT, SIGTERM and SIGHUP all raise ``KeyboardInterrupt``, so that all is put away.
+def endings() -> tuple[signal.Signals, ...]:
+    """Signals that ask a program to end.
 
-    A shell's background jobs start with SIGINT ignored, so that has to be said as well. Whoever
-    has SIGHUP ignored (nohup) wants the program to outlive its terminal.
+    SIGHUP is none where it is ignored (nohup): then the program shall outlive its terminal.
     """
-    for ending in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        if ending is not signal.SIGHUP or signal.getsignal(ending) is not signal.SIG_IGN:
-            signal.signal(ending, _stop)
+    asking = (signal.SIGINT, signal.SIGTERM)
+    outlives = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    return asking if outlives else (*asking, signal.SIGHUP)
+
+
+def _end_by_interrupt() -> None:
+    """Have all that ask a program to end raise ``KeyboardInterrupt``, so that all is put away.
+
+    A shell's background jobs start with SIGINT ignored, so that has to be said as well.
+    """
+    for ending in endings():
+        signal.signal(ending, _stop)
 
 
 def _stop(signum: int, frame: FrameType | None) -> None:

@@ -101,7 +101,7 @@ def _deepest(model: JointModel, now: Fit, gains: Sequence[Gain]) -> tuple[Fit, l
     deeper = now.cost - without.cost
     if deeper < DEEPER:
         return now, list(gains)
-    return without, ranked([replace(gain, nats=gain.nats - deeper) for gain in gains])
+    return without, ranked([gain.over(model, without) for gain in gains])
 
 
 def _chosen(
@@ -178,7 +178,7 @@ def further(model: JointModel, base: Fit, gains: Sequence[Gain], say: Progress) 
         if place < EXPLORED and gain.deflated > NEEDED / 2.0:
             say(f"fitting {gain.effect} further")
             deeper = explore(model, gain.fit, gain.effect)
-        found.append(replace(gain, fit=deeper, nats=base.cost - deeper.cost))
+        found.append(replace(gain, fit=deeper).over(model, base))
     return ranked(found)
 
 
@@ -205,8 +205,8 @@ def prune(model: JointModel, now: Fit, taken: list[Gain], say: Progress) -> tupl
         worst: tuple[float, str, Fit] | None = None
         for name in now.hypothesis.effects:
             say(f"doing without {name}")
-            without, nats, inflated = drop(model, now, name)
-            loss = nats / inflated
+            without, gain = drop(model, now, name)
+            loss = gain.deflated
             if worst is None or loss < worst[0]:
                 worst = (loss, name, without)
         assert worst is not None

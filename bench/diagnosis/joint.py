@@ -14,6 +14,7 @@ from sim.drive import kernel
 from sim.effects import Effect
 from sim.robot import PhysicalRobot
 
+from .beginning import begun
 from .contradiction import supply_contradiction
 from .fit import Fit, block_rms, estimate_noise, fit
 from .floor import noise_floor, tolerance
@@ -71,6 +72,7 @@ def diagnose_joint(
     """
     watch = say if isinstance(say, Watch) else Watch(say)
     effects = joint_effects() if effects is None else dict(effects)
+    observed, judged = begun(base, robot, observed), begun(base, robot, judged)
     renewed = load_refresh(observed, believed_refresh_s(robot, observed[0].joint))
     period_s = renewed.parameters["period_s"].value if renewed else None
     model = JointModel(base, robot, observed, journal, period_s)

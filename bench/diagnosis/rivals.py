@@ -36,7 +36,7 @@ def rivals(
     Also the fits of those close behind, by effect, and the fit without any in its place.
     """
     say(f"what {name} could be instead")
-    without, own_nats, inflations = drop(model, now, name)
+    without, own = drop(model, now, name)
     tried: list[Gain] = []
     if len(now.hypothesis.effects) == 1:  # the search has fitted them already
         tried = [g for g in known if g.fit.hypothesis.effects == (g.effect,) and g.effect != name]
@@ -46,7 +46,6 @@ def rivals(
         ]
         for _, other, start in screen(model, without, others)[:TRIED]:
             tried.append(confirm(model, without, effects[other], start))
-    own = Gain(name, now, own_nats, inflations)
     probability, close = _among(model, own, tried)
     fits = {gain.effect: gain.fit for gain in tried}
     return probability, close, {r.effect: fits[r.effect] for r in close}, without
@@ -70,8 +69,8 @@ def contemporaries(
 def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float, list[Rival]]:
     """Probability of an effect among some that were fitted in its place, and those close behind."""
     scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
-    own = named.nats / scale - named.unlikely
-    behind = {g.effect: own - (g.nats / scale - g.unlikely) for g in tried}
+    own = named.counted(scale) - named.unlikely
+    behind = {g.effect: own - (g.counted(scale) - g.unlikely) for g in tried}
     none = NONE_LEAST + NONE_FAINT * float(np.exp(-max(0.0, own) / FAINT_NATS))
     probability, others = chances(own, behind, none)
     close = [

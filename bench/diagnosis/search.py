@@ -4,7 +4,8 @@ What a hypothesis gains is a difference of log-likelihoods [nats] with all nuisa
 The noise model is never quite right, so a gain counts only after it is divided by its *inflation*:
 how much wider the sandwich variance of the effect's own parameters is, with the scores summed over
 stretches of time, than the variance the likelihood believes in (White, 1982; Takeuchi's penalty is
-the same ratio). Then it must hold on recordings the fit has not seen.
+the same ratio). What nuisances need no longer stray is known of them beforehand, and counts as it
+is. Then it must hold on recordings the fit has not seen.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from sim.effects import Effect
 
-from .fit import EDGE, Fit, Score, bounds, fit, linearise, score
+from .fit import EDGE, Fit, Score, bounds, fit, linearise, prior_cost, score
 from .intervals import covariances
 from .journal import digest
 from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
@@ -30,7 +31,7 @@ from .noise import CLIP, huber_weight, whiten
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-SIZES = (0.05, 0.2, 0.7, 2.0)  #: of amplitudes, in typical sizes, at which an effect is tried
+SIZES = (0.05, 0.2, 0.7, 2.0, 6.0)  #: of amplitudes, in typical sizes, at which an effect is tried
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
@@ -45,14 +46,24 @@ class Gain:
 
     effect: str
     fit: Fit
-    nats: float  #: as the likelihood has it
-    inflation: float  #: what it must be divided by, at least 1
+    nats: float  #: as likelihood and priors have it
+    inflation: float  #: what the likelihood's part must be divided by, at least 1
+    relief: float = 0.0  #: of that, what nuisances cost less under their priors [nats]
     held_out: Outside | None = None  #: on recordings not used to fit
 
     @property
     def deflated(self) -> float:
         """The gain that counts [nats]."""
-        return self.nats / self.inflation
+        return self.counted(self.inflation)
+
+    def counted(self, inflation: float) -> float:
+        """The gain if the likelihood is so much too sure of itself [nats]."""
+        return (self.nats - self.relief) / inflation + self.relief
+
+    def over(self, model: JointModel, base: Fit) -> Gain:
+        """The same effect and its fit, over another fit without it."""
+        relief = prior_cost(model, base.z) - prior_cost(model, self.fit.z)
+        return replace(self, nats=base.cost - self.fit.cost, relief=relief)
 
     @property
     def unlikely(self) -> float:
@@ -212,7 +223,7 @@ def confirm(model: JointModel, base: Fit, effect: Effect, start: Floats) -> Gain
         for k in range(len(base.z), len(found.z))
         if not hypothesis.knobs[k - len(model.nuisances)].parameter.shape
     ]
-    return Gain(effect.name, found, base.cost - found.cost, inflation(model, found, own))
+    return Gain(effect.name, found, 0.0, inflation(model, found, own)).over(model, base)
 
 
 def folds(model: JointModel) -> list[list[int]]:
@@ -278,8 +289,8 @@ def held_out(
     return Outside(float(nats), float(max(falls)), float(-min(falls)))
 
 
-def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float, float]:
-    """The hypothesis without one effect, what that costs [nats], and the effect's inflation."""
+def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, Gain]:
+    """The hypothesis without one effect, and what the effect gains over that."""
     count = len(model.nuisances)
     keep = [k.effect != name for k in now.hypothesis.knobs]
     own = [
@@ -289,4 +300,4 @@ def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, float, float]:
     ]
     start = np.concatenate([now.z[:count], now.z[count:][keep]])
     without = fit(model, now.hypothesis.without(name), start, now.noise, rounds=5)
-    return without, without.cost - now.cost, inflation(model, now, own)
+    return without, Gain(name, now, 0.0, inflation(model, now, own)).over(model, without)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from sim.effects import Effect, catalogue
 
+from .confidence import NORMAL
 from .fit import EDGE, Fit
+from .intervals import Spread
 from .model import JointModel
 from .search import NUMBER_NATS, Gain, confirm, drop, screen
 
@@ -15,6 +19,7 @@ PLAINER = {
     "directional_load_friction": "load_friction",
     "stribeck_friction": "coulomb_friction",
 }
+SPLIT = frozenset({"directional_load_friction"})  #: of these, two numbers that agree are that one
 BEHIND = 0.5  #: of the gain of a name taken back that another must have, to take its place
 
 
@@ -33,12 +38,24 @@ def objection(
                 "or beyond, which is not plausible"
             )
     plainer = PLAINER.get(gain.effect)
+    if gain.effect in SPLIT and _agree(model, found, gain.effect):
+        return f"its two numbers do not differ by more than chance, which is {plainer}"
     if plainer is None or plainer in effects or plainer in found.hypothesis.effects:
         return None
-    without, own, inflation = drop(model, found, gain.effect)
+    without, own = drop(model, found, gain.effect)
     plain = catalogue()[plainer]
     _, _, start = screen(model, without, [plain])[0]
     best = confirm(model, without, plain, start)
-    if (own - best.nats) / inflation < 2.0 * NUMBER_NATS:
+    if own.deflated - best.counted(own.inflation) < 2.0 * NUMBER_NATS:
         return f"nothing is seen of what sets it apart from {plainer}, which is not to be named"
     return None
+
+
+def _agree(model: JointModel, found: Fit, effect: str) -> bool:
+    """Whether the two numbers of an effect may be the same, by the widest of their variances."""
+    one, other = (i for i, k in enumerate(found.hypothesis.knobs) if k.effect == effect)
+    away = np.zeros(len(found.z))
+    away[len(model.nuisances) + one] = found.hypothesis.knobs[one].unit
+    away[len(model.nuisances) + other] = -found.hypothesis.knobs[other].unit
+    variance = max(float(away @ account @ away) for account in Spread(model, found).accounts)
+    return abs(float(away @ found.z)) < NORMAL * float(np.sqrt(variance))
