@@ -1,8 +1,8 @@
 """How fast a joint is when a recording begins: what its first samples alone do not tell.
 
 Where samples are far apart, a joint that rests and is then told to move looks like one that moves
-already. So such a recording is begun both ways, with all as it is believed to be, and it rests at
-first unless it follows the other beginning plainly better.
+already. So such a recording is begun in several ways, with all as it is believed to be, and it
+rests at first unless it follows another beginning plainly better.
 """
 
 from __future__ import annotations
@@ -23,18 +23,32 @@ PLAINLY = 2.0  #: times the squared misfit that a beginning at rest must have, n
 
 
 def begun(base: PhysicalRobot, robot: Robot, observed: Sequence[Observed]) -> list[Observed]:
-    """Recordings at rest in the beginning, where their first speed is not plainly better."""
-    asked = [k for k, one in enumerate(observed) if one.replay.velocity_rad_s and _sparse(one)]
+    """Recordings at rest in the beginning, where no first speed is plainly better."""
     found = list(observed)
+    asked = [k for k, one in enumerate(observed) if one.replay.velocity_rad_s and _sparse(one)]
     if not asked:
         return found
-    moving = [observed[k] for k in asked]
-    resting = [replace(o, replay=replace(o.replay, velocity_rad_s=0.0)) for o in moving]
-    on_the_move, at_rest = (_misfits(JointModel(base, robot, some)) for some in (moving, resting))
-    for place, k in enumerate(asked):
-        if at_rest[place] <= PLAINLY * on_the_move[place]:
-            found[k] = resting[place]
+    ways = [
+        [_at(observed[k], 0.0) for k in asked],
+        [observed[k] for k in asked],
+        [_at(observed[k], _first_step(observed[k])) for k in asked],
+    ]
+    misfits = np.array([_misfits(JointModel(base, robot, way)) for way in ways])
+    misfits[1:] *= PLAINLY
+    for place, best in enumerate(np.argmin(misfits, axis=0).tolist()):
+        found[asked[place]] = ways[best][place]
     return found
+
+
+def _at(observed: Observed, velocity_rad_s: float) -> Observed:
+    return replace(observed, replay=replace(observed.replay, velocity_rad_s=velocity_rad_s))
+
+
+def _first_step(observed: Observed) -> float:
+    """Speed [rad/s] from the first sample to the second."""
+    samples = observed.position
+    t_s, angle = samples.t_s[samples.good][:2], samples.value[samples.good][:2]
+    return float((angle[1] - angle[0]) / (t_s[1] - t_s[0]))
 
 
 def _sparse(observed: Observed) -> bool:

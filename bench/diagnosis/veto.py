@@ -14,12 +14,8 @@ from .intervals import Spread
 from .model import JointModel
 from .search import NUMBER_NATS, Gain, confirm, drop, screen
 
-#: effects that hold a plainer one, which they are when their numbers agree
-PLAINER = {
-    "directional_load_friction": "load_friction",
-    "stribeck_friction": "coulomb_friction",
-}
-SPLIT = frozenset({"directional_load_friction"})  #: of these, two numbers that agree are that one
+PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
+SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
 BEHIND = 0.5  #: of the gain of a name taken back that another must have, to take its place
 
 
@@ -37,9 +33,9 @@ def objection(
                 f"it would need {knob.parameter.name} = {knob.value(z):.3g} {knob.parameter.unit} "
                 "or beyond, which is not plausible"
             )
-    plainer = PLAINER.get(gain.effect)
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
-        return f"its two numbers do not differ by more than chance, which is {plainer}"
+        return f"its two numbers differ by no more than chance, which is {SPLIT[gain.effect]}"
+    plainer = PLAINER.get(gain.effect)
     if plainer is None or plainer in effects or plainer in found.hypothesis.effects:
         return None
     without, own = drop(model, found, gain.effect)

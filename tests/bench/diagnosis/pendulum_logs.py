@@ -1,6 +1,7 @@
 """Recordings of a pendulum on an XL330, made by the compiled rollouts: counts and all."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import nan
 from types import SimpleNamespace
 
@@ -49,13 +50,20 @@ def logs(
     condition=CONDITION,
     groups=None,
     settings=None,
+    speed_rad_s=0.0,
 ):
-    """One recording a motion; ``truth`` is effects with their parameters."""
+    """One recording a motion; ``truth`` is effects with their parameters.
+
+    ``speed_rad_s`` is that of the joint in the beginning.
+    """
     drafts = [
         recorded(name, dict.fromkeys(registers), duration_s, condition, name, settings)
         for name in motions
     ]
-    told = observe(drafts, robot(), JOINT, supply_from_register=False)
+    told = [
+        replace(one, replay=replace(one.replay, velocity_rad_s=speed_rad_s))
+        for one in observe(drafts, robot(), JOINT, supply_from_register=False)
+    ]
     reality = read_model(robot())
     for name, values in (truth or {}).items():
         reality = effect(name).apply(reality, (), effect(name).off | values)

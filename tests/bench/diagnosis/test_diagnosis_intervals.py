@@ -146,10 +146,23 @@ def test_nothing_speaks_against_an_effect_that_is_off_or_against_its_shape():
     ("truth", "speaks"),
     [({"driving": 0.3, "backdriving": 0.3}, True), ({"driving": 0.1, "backdriving": 0.6}, False)],
 )
-def test_what_is_no_more_than_a_plainer_effect_is_not_named_for_it(truth, speaks):
+def test_two_numbers_that_agree_are_one(truth, speaks):
     name = "directional_load_friction"
     model, found = fitted(name, truth, [1.0, 1.0])
-    fewer = {n: e for n, e in EVERY.items() if n != "load_friction"}
+    assert (objection(model, found, gain_of(name, found), EVERY) is not None) is speaks
+
+
+@pytest.mark.parametrize(
+    ("planted", "truth", "speaks"),
+    [
+        ("coulomb_friction", {"more_nm": 0.06}, True),
+        ("stribeck_friction", {"stribeck_nm": 0.06, "velocity_rad_s": 0.2}, False),
+    ],
+)
+def test_what_is_no_more_than_a_plainer_effect_is_not_named_for_it(planted, truth, speaks):
+    name = "stribeck_friction"
+    model, found = fitted(name, truth, [2.0, 0.0], planted)
+    fewer = {n: e for n, e in EVERY.items() if n != "coulomb_friction"}
     why = objection(model, found, gain_of(name, found), fewer)
     assert (why is not None) is speaks
     assert objection(model, found, gain_of(name, found), EVERY) is None

@@ -257,6 +257,17 @@ def test_of_a_set_the_effect_that_gains_nothing_is_left_out_and_the_others_stay(
     assert held[0].held_out.nats > 0.0
 
 
+def test_what_nuisances_need_no_longer_stray_counts_as_it_is():
+    gain = Gain("gain_error", SimpleNamespace(), 20.0, 4.0, relief=8.0)
+    assert gain.deflated == 11.0
+    assert gain.counted(2.0) == 14.0
+    model = SimpleNamespace(nuisances=[None, None])
+    base = SimpleNamespace(z=np.array([2.0, 1.0]), cost=30.0)
+    after = SimpleNamespace(z=np.array([1.0, 0.0, 5.0]), cost=10.0)
+    over = Gain("gain_error", after, 0.0, 4.0).over(model, base)
+    assert (over.nats, over.relief) == (20.0, 2.0)
+
+
 # --- groups
 
 
