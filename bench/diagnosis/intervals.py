@@ -15,7 +15,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 from scipy.stats import t as student
 
 from .confidence import NORMAL, estimate, sandwich, state, stretches
@@ -57,6 +56,14 @@ def _smooth(information: Floats, added: Floats) -> Floats:
     return kept
 
 
+def _inverse(information: Floats) -> Floats:
+    """Variances of what is known so well, each number in its own measure: of little known, much."""
+    scale = np.sqrt(np.diag(information))
+    variances: Floats = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
+    variances /= np.outer(scale, scale)
+    return variances
+
+
 class Spread:
     """How sure a fit can be of its numbers: variances in the order of its vector."""
 
@@ -80,7 +87,7 @@ class Spread:
         low, high = bounds(model, found.hypothesis)
         free = np.flatnonzero(low < high)
         self.believed: Floats = np.zeros_like(normal)
-        self.believed[np.ix_(free, free)] = np.linalg.pinv(normal[np.ix_(free, free)])
+        self.believed[np.ix_(free, free)] = _inverse(normal[np.ix_(free, free)])
         recordings = [np.full(len(block.t_s), r) for (r, _), block in self.blocks.items()]
         self.stretches = stretches(block.t_s for block in self.blocks.values())
         self.recordings = np.unique(np.concatenate(recordings), return_inverse=True)[1]
@@ -147,11 +154,14 @@ class Spread:
         """Whether small steps of some numbers change anything: not where something is or is not."""
         return bool((np.diag(self.believed)[list(own)] < UNSEEN).any())
 
-    def beyond_nothing(self, own: Sequence[int]) -> bool:
-        """Whether some numbers of the vector, taken together, are sure not to be all 0."""
+    def doubt(self, own: Sequence[int]) -> float:
+        """How much too sure of some numbers together the likelihood is, by the widest account."""
         z, block = self.found.z[list(own)], np.ix_(own, own)
-        least = min(float(z @ np.linalg.pinv(account[block]) @ z) for account in self.accounts)
-        return bool(least > chi2.ppf(0.95, len(own)))
+        believed, *distances = [
+            float(z @ np.linalg.pinv(account[block], hermitian=True) @ z)
+            for account in (self.believed, *self.accounts)
+        ]
+        return max(1.0, believed / max(min(distances), 1e-300))
 
 
 def interval(

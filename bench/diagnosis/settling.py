@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from sim.effects import Effect
 
@@ -30,15 +31,17 @@ from .veto import BEHIND, objection
 from .watch import Watch
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
+SPOILT = 0.1  #: of the mean square that a name takes off the others, which must be spoilt there
 STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
 ENGINES = 1.2  #: times what two engines usually differ by: so large a rest may be that alone
 MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
 STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
 STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
+SURE = 0.99  #: that an effect is there at all: what it gains, by the widest account of its size
 LITTLE = 0.25  #: share of a misfit that a name must explain, where much of it is left
 HARMFUL = "it makes recordings that were not used to fit worse"
 BETTER = "it explains far less than a cause that cannot be named"
-NOTHING = "its interval holds a size of nothing"
+NOTHING = "its size may as well be nothing"
 ALONE = "beside the others it gains nothing on recordings left out"
 BESIDE = "it explains little of a misfit of which much is left"
 
@@ -134,11 +137,15 @@ def _denied(
         say(f"{gain.effect} on recordings that were not used to fit")
         without, *_ = drop(model, after, gain.effect)
         harm = inside(judge, without, after, floors).harm
-        squares = [
-            block_rms(judge.residuals(f.hypothesis, [f.z])[0], Kind.POSITION) ** 2
-            for f in (without, after)
-        ]
-        if harm > HARM and squares[1] > WORSE * squares[0]:
+        squares, fitted = (
+            [
+                block_rms(m.residuals(f.hypothesis, [f.z])[0], Kind.POSITION) ** 2
+                for f in (without, after)
+            ]
+            for m in (judge, model)
+        )
+        worse = squares[1] > WORSE * squares[0]
+        if harm > HARM and worse and squares[1] - squares[0] > SPOILT * (fitted[0] - fitted[1]):
             harms.append((harm, gain))
     if not harms:
         return None
@@ -152,19 +159,21 @@ def _unsure(
     if not taken:
         return None
     spread, count = Spread(model, after), len(model.nuisances)
+    without: dict[str, Fit] = {}
     for gain in taken[::-1]:
         sizes = [
             count + i
             for i, knob in enumerate(after.hypothesis.knobs)
             if knob.effect == gain.effect and not knob.parameter.shape
         ]
-        if spread.seen_by_steps(sizes) and not spread.beyond_nothing(sizes):
+        without[gain.effect], own = drop(model, after, gain.effect)
+        likely = 2.0 * own.counted(spread.doubt(sizes))
+        if spread.seen_by_steps(sizes) and likely < chi2.ppf(SURE, len(sizes)):
             return Denied(gain, NOTHING, again=False)
     if len(taken) > 1:
         whole = score_outside(model, after)
         for gain in taken[::-1]:
-            without, *_ = drop(model, after, gain.effect)
-            outside = held_out(score_outside(model, without), whole, floors)
+            outside = held_out(score_outside(model, without[gain.effect]), whole, floors)
             if outside.nats / gain.inflation < HELD_OUT:
                 return Denied(gain, ALONE, again=False)
     return None
@@ -204,7 +213,9 @@ def explained(
             if kind is Kind.POSITION
         ]
         squares.append(float(np.mean(np.concatenate(values) ** 2)))
-    explainable = max(squares[0] - floor**2, 1e-300)
+    explainable = squares[0] - floor**2
+    if explainable <= 0.0:
+        return 0.0
     return float(np.clip((squares[1] - squares[2]) / explainable, -1.0, 1.0))
 
 

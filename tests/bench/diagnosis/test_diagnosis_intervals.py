@@ -8,7 +8,7 @@ from pendulum_logs import logs, model_of
 
 from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
-from bench.diagnosis.intervals import REACH, Spread, estimates, interval
+from bench.diagnosis.intervals import REACH, Spread, _inverse, estimates, interval
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.search import Gain
@@ -80,17 +80,23 @@ def test_a_variance_is_no_less_than_any_of_its_parts(cable):
         assert (total >= np.diag(part + engines) - 1e-15).all()
 
 
-def test_numbers_that_make_up_for_each_other_may_be_sure_together_though_none_is_alone():
-    """A valley: of two numbers only the sum is known, and it is not nothing."""
+def test_the_widest_account_says_how_sure_numbers_are_together():
+    """A valley: of two numbers only the sum is known."""
     spread = Spread.__new__(Spread)
     spread.found = SimpleNamespace(z=np.array([0.0, 1.0, 1.0]))
-    sure_of_sum = np.eye(3) - 0.999 * np.array([[0, 0, 0], [0, 0, 1.0], [0, 1.0, 0]])
-    spread.accounts = (sure_of_sum, 0.5 * sure_of_sum)
-    assert not spread.beyond_nothing([1])
-    assert not spread.beyond_nothing([2])
-    assert spread.beyond_nothing([1, 2])
-    spread.accounts = (sure_of_sum, 2.0 * np.eye(3))  # the widest account decides
-    assert not spread.beyond_nothing([1, 2])
+    of_sum = np.eye(3) - 0.999 * np.array([[0, 0, 0], [0, 0, 1.0], [0, 1.0, 0]])
+    spread.believed = of_sum
+    spread.accounts = (of_sum, 0.5 * of_sum)
+    assert spread.doubt([1, 2]) == pytest.approx(1.0)
+    spread.accounts = (of_sum, 2.0 * np.eye(3))
+    assert spread.doubt([1, 2]) == pytest.approx(2.0 / 0.001)
+    assert spread.doubt([1]) == pytest.approx(2.0)
+
+
+def test_a_number_that_no_step_shows_is_not_known():
+    believed = _inverse(np.diag([1.0, 1e-9]) + np.array([[0.0, 1e-7], [1e-7, 0.0]]))
+    assert believed[0, 0] == pytest.approx(1.0, rel=0.1)
+    assert believed[1, 1] > 1e8
 
 
 def test_an_interval_ends_where_the_number_does():
