@@ -10,9 +10,20 @@ from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
 from bench.diagnosis.intervals import REACH, Spread, _inverse, estimates, interval
 from bench.diagnosis.knobs import effect_knobs, joint_effects
-from bench.diagnosis.model import Hypothesis
+from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.search import Gain
-from bench.diagnosis.settling import BESIDE, BETTER, NOTHING, _little, _objected, _unsure
+from bench.diagnosis.settling import (
+    BESIDE,
+    BETTER,
+    HARMFUL,
+    NOTHING,
+    SPOILT,
+    _denied,
+    _little,
+    _objected,
+    _unsure,
+    explained,
+)
 from bench.diagnosis.valleys import explore
 from bench.diagnosis.veto import objection
 from sim.effects import effect
@@ -190,6 +201,27 @@ def test_a_size_that_may_as_well_be_nothing_is_no_name(ratio, unsure):
     if denied is not None:
         assert denied.because == NOTHING
         assert not denied.again
+
+
+@pytest.mark.parametrize(
+    ("there", "spoilt", "harmful"),
+    [(0.3, SPOILT, False), (0.0, SPOILT, True), (0.0, 2.0, False)],
+)
+def test_a_name_that_spoils_other_recordings_is_taken_back(there, spoilt, harmful, monkeypatch):
+    monkeypatch.setattr("bench.diagnosis.settling.SPOILT", spoilt)
+    model, found = fitted("load_friction", {"ratio": 0.3}, [3.0])
+    judge = model_of(logs({"load_friction": {"ratio": there}}))
+    floors = {Kind.POSITION: 0.002}
+    denied = _denied(model, judge, found, [gain_of("load_friction", found)], floors, print)
+    assert (denied is not None) is harmful
+    assert denied is None or denied.because == HARMFUL
+
+
+def test_what_could_not_be_explained_is_explained_by_nobody():
+    model, found = fitted("load_friction", {"ratio": 0.3}, [3.0])
+    without = fit(model, Hypothesis(), found.z[:-1])
+    assert explained([model], without, without, found, 0.001) > 0.9
+    assert explained([model], without, without, found, 1.0) == 0.0
 
 
 def test_a_name_that_explains_little_is_taken_back_only_where_much_is_left():
