@@ -29,6 +29,14 @@ def prove(
         int | None,
         typer.Option(min=0, help="A balanced part of so many one-joint cases. Default: all."),
     ] = None,
+    only: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND",
+            help="One-joint cases of one kind: null, single, pair, triple, deleted or stranger. "
+            "--only null counts false alarms.",
+        ),
+    ] = None,
     robots: Annotated[
         int,
         typer.Option(
@@ -61,6 +69,7 @@ def prove(
     stands in docs/proof/rules.md.
     """
     try:
+        from .blind import Kind
         from .proof import rivals
         from .proof.active import Active
         from .proof.errors import ProofError
@@ -70,10 +79,14 @@ def prove(
         from .proof.running import Proof
     except ModuleNotFoundError as error:
         fail(f"prove needs {error.name}: pip install 'busemu[sim,bench,proof]'")
-    if quick and cases:
-        fail("--quick has its own cases: leave --cases away")
+    if quick and (cases or only):
+        fail("--quick has its own cases: leave --cases and --only away")
+    kinds = {kind.value: kind for kind in Kind}
+    if only is not None and only not in kinds:
+        fail(f"--only {only}: no such kind; use one of {', '.join(kinds)}")
     try:
-        planned = plan(seed, cases, quick=quick) + walking(seed, robots, quick=quick)
+        kind = None if only is None else kinds[only]
+        planned = plan(seed, cases, quick=quick, only=kind) + walking(seed, robots, quick=quick)
     except ValueError as error:
         fail(f"--cases: {error}")
     if not planned:

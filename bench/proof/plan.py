@@ -75,17 +75,22 @@ def case_seed(seed: int, what: str, attempt: int = 0) -> int:
     return int.from_bytes(digest[:7], "big")
 
 
-def plan(seed: int, cases: int | None = None, *, quick: bool = False) -> tuple[Planned, ...]:
+def plan(
+    seed: int, cases: int | None = None, *, quick: bool = False, only: Kind | None = None
+) -> tuple[Planned, ...]:
     """The cases of a proof in the order they are diagnosed, shuffled.
 
-    ``cases``: a balanced part of so many, or none. Raises ``ValueError`` if that is less than the
-    number of kinds.
+    ``cases``: a balanced part of so many, or none; ``only``: of one kind. Raises ``ValueError`` if
+    that is less than the number of kinds.
     """
     if cases == 0:
         return ()
     if quick:
         return _named(seed, list(_quick(seed)), QUICK_EFFECTS)
-    numbers = dict(NUMBERS) if cases is None else shares(cases)
+    if only is not None:
+        numbers = {only: min(cases or NUMBERS[only], NUMBERS[only])}
+    else:
+        numbers = dict(NUMBERS) if cases is None else shares(cases)
     drawn: list[tuple[int, Asked]] = []
     for kind, count in numbers.items():
         for index, asked in zip(range(count), _endless(seed, kind), strict=False):

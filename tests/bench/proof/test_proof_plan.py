@@ -57,6 +57,14 @@ def test_every_kind_has_a_case_in_the_smallest_part():
         plan(5, len(NUMBERS) - 1)
 
 
+def test_cases_of_one_kind_are_those_of_the_whole():
+    nulls = [case for case in plan(5) if case.asked.kind == "null"]
+    some = plan(5, 20, only=Kind.NULL)
+    assert len(some) == 20
+    assert {case.seed for case in some} <= {case.seed for case in nulls}
+    assert len(plan(5, only=Kind.NULL)) == len(plan(5, 10_000, only=Kind.NULL)) == len(nulls)
+
+
 def test_the_seed_alone_makes_the_plan():
     assert plan(5, 40) == plan(5, 40)
     assert fingerprint(plan(5, 40)) == fingerprint(plan(5, 40))

@@ -37,6 +37,13 @@ def ambiguous(tmp_path_factory):
     return proof, active, published, write_score(proof, 9, published, active)
 
 
+def test_a_kind_that_is_none_is_refused(tmp_path):
+    ran = prove("--seed", "5", "--out", str(tmp_path / "x"), "--only", "nul")
+    assert ran.returncode == 1
+    assert ran.stderr.startswith("busemu: --only nul: no such kind; use one of null, single")
+    assert not (tmp_path / "x").exists()
+
+
 def test_the_proposed_experiment_is_run_on_the_hidden_specimen_and_scored(ambiguous):
     _, _, _, score = ambiguous
     row = score["resolved_by_experiment"]
