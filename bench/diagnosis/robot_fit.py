@@ -1,7 +1,7 @@
 """Fits of a whole robot: what nuisances do is linear, so each step is one weighted least squares.
 
 The likelihood is that of one joint (:mod:`bench.diagnosis.noise`). A vector is the nuisances, each
-in deviations of its prior, then the knobs of the effects that are on.
+in deviations of its prior and no farther than it may go, then the knobs of the effects that are on.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from .confidence import sandwich, stretches
 from .noise import Noise, cost, estimate, huber_weight, whiten
@@ -23,6 +24,8 @@ STEP = 0.05  #: of a knob in finite differences, in its unit or its value
 ROUNDS = 6  #: of fitting and of estimating the noise in turns, at most
 STEPS = 4  #: of least squares in a round, at most
 SHORTER = (1.0, 0.5, 0.2, 0.05)  #: shares of a step that are tried
+KINDS_S = 1e5  #: between times of one kind of channel and of another, as far as those of joints
+HELD = 1e9  #: what a prior knows of a number that is held
 ENOUGH = 0.3  #: gain [nats] at which a fit is done
 
 
@@ -94,7 +97,7 @@ class Sight:
     ) -> RobotFit:
         """The likeliest vector with some effects, from ``start``."""
         z = np.zeros(len(self.model.nuisances) + len(names)) if start is None else start
-        z = np.clip(z, *self._box(names))
+        z = np.clip(z, *self.box(names))
         blocks = self.blocks(names, z, which)
         noise = noise or self.noise(blocks)
         best: RobotFit | None = None
@@ -116,11 +119,14 @@ class Sight:
         total = self.cost(blocks, noise) + self._prior(found.z, found.names)
         return RobotFit(found.names, found.z, noise, total)
 
-    def _box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
-        free = np.full(len(self.model.nuisances), np.inf)
+    def box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
+        """The least and the greatest of every number; idle nuisances stay at 0."""
+        reach = np.array(
+            [0.0 if set(n.same) & set(names) else n.reach for n in self.model.nuisances]
+        )
         ends = [self.model.placed[name].knob.bounds for name in names]
-        low = np.concatenate([-free, [low for low, _ in ends]])
-        high = np.concatenate([free, [high for _, high in ends]])
+        low = np.concatenate([-reach, [low for low, _ in ends]])
+        high = np.concatenate([reach, [high for _, high in ends]])
         return low, high
 
     def _prior(self, z: Floats, names: Sequence[str]) -> float:
@@ -133,7 +139,7 @@ class Sight:
         noise: Mapping[RobotKind, Noise],
         which: Sequence[int] | None,
     ) -> tuple[Floats, RobotBlocks]:
-        low, high = self._box(names)
+        low, high = self.box(names)
         prior = np.ones(len(z))
         prior[len(z) - len(names) :] = 0.0
         blocks = self.blocks(names, z, which)
@@ -143,7 +149,9 @@ class Sight:
             weight = huber_weight(residual)
             normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
             slope = jacobian.T @ (weight * residual) + prior * z
-            way = -np.linalg.solve(normal, slope)
+            root = np.linalg.cholesky(normal).T
+            wanted = np.linalg.solve(root.T, -slope)
+            way = lsq_linear(root, wanted, (low - z - 1e-9, high - z + 1e-9), method="bvls").x
             gained = 0.0
             for share in SHORTER:
                 tried = np.clip(z + share * way, low, high)
@@ -166,7 +174,7 @@ class Sight:
         """Whitened residual (n,) and its Jacobian (n, numbers), without priors."""
         blocks = self.blocks(names, z, which)
         count = len(z) - len(names)
-        _, high = self._box(names)
+        _, high = self.box(names)
         moved = []
         for k in range(count, len(z)):
             step = STEP * max(1.0, abs(z[k]))
@@ -191,12 +199,25 @@ class Sight:
         residual, jacobian = self.linearised(found.names, found.z, found.noise)
         weight = huber_weight(residual)
         scores = jacobian * (weight * residual)[:, None]
-        cluster = stretches(b.t_s for b in self.blocks(found.names, found.z).values())
+        cluster = self._stretches(self.blocks(found.names, found.z))
         prior = np.ones(len(found.z))
         prior[len(found.z) - len(found.names) :] = 0.0
+        low, high = self.box(found.names)
+        prior[low == high] = HELD
         normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
         believed = np.asarray(np.linalg.inv(normal), np.float64)
         return believed, sandwich(believed, scores, cluster, prior)
+
+    @staticmethod
+    def _stretches(blocks: RobotBlocks) -> NDArray[np.intp]:
+        """Number of the stretch of every row, block after block.
+
+        A joint at a phase is one stretch in all recordings: what a model does wrong there it does
+        wrong in each of them, and so they do not tell it as often as there are recordings.
+        """
+        kinds = list(RobotKind)
+        own = [KINDS_S * kinds.index(kind) + block.t_s for (_, kind), block in blocks.items()]
+        return stretches([np.concatenate(own)])
 
     def inflation(self, found: RobotFit, name: str) -> float:
         """How much too narrow the likelihood believes a knob to be, at least 1."""

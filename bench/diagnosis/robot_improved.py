@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import tomli_w
@@ -34,18 +34,38 @@ def of_causes(
     placed: Sequence[tuple[Placed, Mapping[str, Found]]], recordings: str
 ) -> list[Addition]:
     """Named effects with their estimates; what only goes with them is typical, and says so."""
+    return [
+        _placed(
+            one,
+            {
+                name: Estimate(_within(one.parameter, e.value), recordings, e.ci95)
+                for name, e in found.items()
+            },
+            recordings,
+        )
+        for one, found in placed
+    ]
+
+
+def of_settings(
+    placed: Mapping[str, Placed], settings: Iterable[tuple[str, float]], recordings: str
+) -> list[Addition]:
+    """Effects at values of their knobs, as :func:`of_causes` has them once they are named."""
     made = []
-    for one, found in placed:
-        estimates = {
-            name: Estimate(_within(one.parameter, e.value), recordings, e.ci95)
-            for name, e in found.items()
-        }
-        for name, value in one.companions.items():
-            if name not in estimates and value != one.effect.off[name]:
-                source = f"assumed, typical: goes with {one.parameter.name}; {recordings}"
-                estimates[name] = Estimate(value, source)
-        made.append(Addition(one.effect, one.where, estimates))
+    for name, z in settings:
+        one = placed[name]
+        value = _within(one.parameter, one.knob.value(z))
+        own = {one.parameter.name: Estimate(value, recordings)}
+        made.append(_placed(one, own, recordings))
     return made
+
+
+def _placed(one: Placed, estimates: dict[str, Estimate], recordings: str) -> Addition:
+    for name, value in one.companions.items():
+        if name not in estimates and value != one.effect.off[name]:
+            source = f"assumed, typical: goes with {one.parameter.name}; {recordings}"
+            estimates[name] = Estimate(value, source)
+    return Addition(one.effect, one.where, estimates)
 
 
 def of_nuisances(

@@ -34,6 +34,9 @@ RobotBlocks = dict[tuple[int, RobotKind], Block]
 
 JITTERS = 3  #: replays with a slightly other start, for the spread of replays
 GRID = (0.3, 1.0, 3.0, 8.0)  #: of a knob, in first tries, at which an effect is replayed
+FARTHER = 2.5  #: times the last of them that is replayed next, where a fit has come to the end
+LARGER = 8.0  #: times a first try that moves nothing, which is tried next
+LEAST_RAD = 0.3e-3  #: RMS of joint rows below which it moves nothing that one could compare
 #: what two engines leave of the same walk when nuisances are fitted: nothing is said of less, as
 #: reality is no nearer to one of them; source: measured, docs/explanation/two-engines.md
 ENGINES_RAD = 1.0e-3
@@ -91,6 +94,8 @@ class RobotModel:
         self.replays = Replays(robot, self.features, self.nuisances, processes, journal)
         self._joints = [joint.name for joint in base.joints]
         self._curves: dict[tuple[str, int], PchipInterpolator] = {}
+        self._first: dict[str, float] = {}  #: first tries that were too small, as they are now
+        self._beyond: dict[str, list[float]] = {}  #: knobs that were replayed beyond the grid
         say("replaying the recordings")
         self.centre: list[Rows] = self._run([Job(r) for r in self._every])
         self._plain = {m: self._run([Job(m, short=True)])[0] for m in sorted(set(self.motion))}
@@ -203,22 +208,50 @@ class RobotModel:
             Job(m, ((name, z),), short=True)
             for m in (sorted(set(self.motion)) if motions is None else motions)
             for name in names
-            for z in ([self.placed[name].first_z] if first_only else self._grid(name))
+            for z in ([self.first_z(name)] if first_only else self._grid(name))
         ]
         self.replays.run(jobs)
 
+    def first_z(self, name: str) -> float:
+        """The knob of an effect's first try."""
+        return self._first.get(name, self.placed[name].first_z)
+
+    def enlarge(self, names: Sequence[str], m: int) -> None:
+        """Make first tries larger that move nothing of a motion, and replay those."""
+        for name in names:
+            larger = min(self.placed[name].knob.bounds[1], LARGER * self.placed[name].first_z)
+            if name in self._first or larger <= self.first_z(name):
+                continue
+            (rows,) = self._run([Job(m, ((name, self.first_z(name)),), short=True)])
+            moved = rows[RobotKind.JOINTS] - self._plain[m][RobotKind.JOINTS]
+            if np.sqrt(np.mean(moved**2)) < LEAST_RAD:
+                self._first[name] = larger
+        self.prepare(names, first_only=True, motions=[m])
+
+    def widen(self, name: str, z: float) -> bool:
+        """Let the curve of an effect go farther, if a knob has come to its end; whether it does."""
+        grid = self._grid(name)
+        low, high = self.placed[name].knob.bounds
+        end = grid[-1] if z > 0.0 else grid[0]
+        farther = min(high, max(low, FARTHER * end))
+        if abs(z) < 0.98 * abs(end) or z * end <= 0.0 or farther == end:
+            return False
+        self._beyond.setdefault(name, []).append(farther)
+        for key in [key for key in self._curves if key[0] == name]:
+            del self._curves[key]
+        return True
+
     def _grid(self, name: str) -> list[float]:
-        placed = self.placed[name]
-        low, high = placed.knob.bounds
-        sizes = [placed.first_z * x for x in GRID]
+        low, high = self.placed[name].knob.bounds
+        sizes = [self.first_z(name) * x for x in GRID]
         middle = sizes[1:3]
         both = [-z for z in reversed(middle)] + middle if low < 0.0 else sizes
-        inside = [min(high, max(low, z)) for z in both]
+        inside = [min(high, max(low, z)) for z in (*both, *self._beyond.get(name, ()))]
         return sorted({z for z in inside if z != 0.0})
 
     def first_trace(self, name: str, m: int) -> Rows:
         """What an effect does to a motion at its first try, for one unit of its knob."""
-        z = self.placed[name].first_z
+        z = self.first_z(name)
         (rows,) = self._run([Job(m, ((name, z),), short=True)])
         return {
             kind: np.nan_to_num((rows[kind] - base) / z) for kind, base in self._plain[m].items()

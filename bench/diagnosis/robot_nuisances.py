@@ -21,9 +21,13 @@ from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
+from .knobs import WITHIN
+
 Floats = NDArray[np.float64]
 
 ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
+#: deviations that a zero may take: one that was set a tooth aside is no finding here; assumed
+ZERO_WITHIN = 4.0
 
 Change = Callable[[PhysicalRobot, float], PhysicalRobot]
 
@@ -42,7 +46,9 @@ class RobotNuisance:
     """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``.
 
     ``trial`` is the replay that shows its trace (none: the base replay tells), ``joint`` the only
-    joint whose rows of it count.
+    joint whose rows of it count. ``reach`` is how many deviations it may take; beyond that it is a
+    finding, under one of the names of ``same`` (effects at places): where one of those is on, the
+    nuisance is idle.
     """
 
     name: str
@@ -51,6 +57,8 @@ class RobotNuisance:
     source: str
     trial: str = ""
     joint: str = ""
+    reach: float = WITHIN
+    same: tuple[str, ...] = ()
 
 
 def _drives(segment: str, change: Callable[[DriveParameters, float], DriveParameters]) -> Change:
@@ -131,6 +139,7 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
                 math.radians(1.0) / ROOT3,
                 "zero +-1 deg",
                 f"zero {joint.name}",
+                reach=ZERO_WITHIN,
             )
         )
         for what, spread in (("torque", 0.10), ("friction", 0.30)):
@@ -156,7 +165,8 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
     for trial in trials(robot):
         if trial.name.split()[0] not in ("zero", "torque", "friction"):
             unit, deviation, source = COMMON[trial.name.split()[0]]
-            found.append(RobotNuisance(trial.name, unit, deviation, source, trial.name))
+            same = SAME.get(trial.name, ())
+            found.append(RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same))
     late = "jitter and turnaround of a bus; assumed"
     found.append(RobotNuisance("sampling", "s", 0.0015, late))
     found.append(RobotNuisance("turn", "(ratio)", 0.15, "when it is a servo's turn; assumed"))
@@ -208,6 +218,18 @@ COMMON = {
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
     "late": ("s", 0.001, "a host's adapter; assumed"),
     "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
+}
+
+#: effects at places that are a nuisance without its prior
+SAME = {
+    **{f"mass {segment}": (f"link_mass@{segment}",) for segment in SEGMENTS},
+    "mass trunk": ("link_mass@trunk", "payload@all"),
+    **{f"centre {axis}": (f"com_offset.{axis}@trunk",) for axis in "xyz"},
+    **{f"tilt {axis}": (f"ground_tilt.{axis}@all",) for axis in ("pitch", "roll")},
+    "supply": ("supply_voltage@all",),
+    "gain": ("gain_error@all",),
+    "late": ("transport_delay@all",),
+    "grip": ("foot_slip@all",),
 }
 
 

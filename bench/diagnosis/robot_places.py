@@ -2,71 +2,113 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from .robot_features import RobotKind
-from .robot_fit import RobotFit
 from .robot_model import RobotModel
+
+Floats = NDArray[np.float64]
 
 #: neighbouring bins of a phase err together: so many of them tell as much as one; assumed
 TOGETHER = 4.0
 SIGNIFICANT = 0.05
 STANDS_OUT = 3.0  #: times the middle leg's, from which a leg's misfit is told on its own
+LEAST = 0.1  #: of the most moved of a kind, from which a joint counts as moved by what is named
+WORTH = 0.02  #: of all that what is named moves, from which a place of it is told
+Key = tuple[str, str]  #: a joint and a phase
 
 
-def mismatch(
-    model: RobotModel, found: RobotFit, which: Sequence[int]
-) -> tuple[dict[str, Any], ...]:
+class Places:
+    """Squares of something that is in rows of joints, by joint and phase.
+
+    ``ratio`` is the same over what noise and two engines make of it.
+    """
+
+    def __init__(self, model: RobotModel, rows: Mapping[int, Floats]) -> None:
+        self.names = [joint.name for joint in model.base.joints]
+        floor = model.floors()[RobotKind.JOINTS] ** 2
+        self.sums: dict[Key, float] = {}
+        self.ratios: dict[Key, float] = {}
+        self.counts: dict[Key, int] = {}
+        for r, value in rows.items():
+            features = model.features[r]
+            extra = model.block(r, RobotKind.JOINTS, value).extra
+            for j, joint in enumerate(self.names):
+                for phase, stands in (("stance", True), ("swing", False)):
+                    there = (features.joint_row == j) & (features.stance == stands)
+                    key = joint, phase
+                    square = value[there] ** 2
+                    self.sums[key] = self.sums.get(key, 0.0) + float(square.sum())
+                    ratio = float((square / (floor + extra[there])).sum())
+                    self.ratios[key] = self.ratios.get(key, 0.0) + ratio
+                    self.counts[key] = self.counts.get(key, 0) + int(there.sum())
+
+    def chance(self, key: Key) -> float:
+        """Of as much from noise and from what two engines differ by, times the places."""
+        count = self.counts[key] / TOGETHER
+        return min(1.0, len(self.sums) * float(chi2.sf(self.ratios[key] / TOGETHER, count)))
+
+    def level(self, key: Key) -> float:
+        """The mean square of one."""
+        return self.sums[key] / self.counts[key]
+
+    def kinds(self) -> list[list[Key]]:
+        """Joints of one kind in one phase stand together."""
+        parts = dict.fromkeys(name.rpartition(".")[2] for name in self.names)
+        seen = [key for key in self.sums if self.counts[key]]
+        found = [
+            [k for k in seen if k[0].endswith(f".{part}") and k[1] == phase]
+            for part in parts
+            for phase in ("stance", "swing")
+        ]
+        return [keys for keys in found if keys]
+
+    def row(self, group: Sequence[Key]) -> dict[str, Any]:
+        """A group as ``diagnosis.json`` has it."""
+        total = sum(self.sums.values()) or 1.0
+        return {
+            "channel": "present_position",
+            "joints": [joint for joint, _ in group],
+            "phase": group[0][1],
+            "share": sum(self.sums[k] for k in group) / total,
+            "p_value": min(self.chance(k) for k in group),
+        }
+
+
+def mismatch(model: RobotModel, left: Mapping[int, Floats]) -> tuple[dict[str, Any], ...]:
     """Where more is left than noise leaves, as ``diagnosis.json`` has it, the largest share first.
 
-    A place is a joint in stance or swing; those of one kind stand together, but legs that stand
-    out stand on their own. ``p_value`` is the chance of as much from noise and from what two
-    engines differ by, times the number of places.
+    ``left`` is what is left of recordings, by their numbers. A place is a joint in stance or swing;
+    those of one kind stand together, but legs that stand out stand on their own. ``p_value`` is
+    the chance of as much from noise and from two engines, times the number of places looked at.
     """
-    blocks = model.residuals(found.names, found.z, which)
-    names = [joint.name for joint in model.base.joints]
-    floor = model.floors()[RobotKind.JOINTS] ** 2
-    sums: dict[tuple[str, str], float] = {}
-    ratios: dict[tuple[str, str], float] = {}
-    counts: dict[tuple[str, str], int] = {}
-    for r in which:
-        features, block = model.features[r], blocks[r, RobotKind.JOINTS]
-        for j, joint in enumerate(names):
-            for phase, stands in (("stance", True), ("swing", False)):
-                there = (features.joint_row == j) & (features.stance == stands)
-                key = joint, phase
-                square = block.value[there] ** 2
-                sums[key] = sums.get(key, 0.0) + float(square.sum())
-                ratio = float((square / (floor + block.extra[there])).sum())
-                ratios[key] = ratios.get(key, 0.0) + ratio
-                counts[key] = counts.get(key, 0) + int(there.sum())
-    total = sum(sums.values()) or 1.0
-    chance = {
-        key: min(1.0, len(sums) * float(chi2.sf(ratios[key] / TOGETHER, counts[key] / TOGETHER)))
-        for key in sums
-        if counts[key]
-    }
+    places = Places(model, left)
     rows = []
-    for part in dict.fromkeys(name.rpartition(".")[2] for name in names):
-        for phase in ("stance", "swing"):
-            keys = [k for k in chance if k[0].endswith(f".{part}") and k[1] == phase]
-            telling = [k for k in keys if chance[k] < SIGNIFICANT]
-            usual = float(np.median([sums[k] / counts[k] for k in keys])) if keys else 0.0
-            own = [k for k in telling if sums[k] / counts[k] > STANDS_OUT * usual]
-            groups = [[k] for k in own] + [[k for k in telling if k not in own]]
-            rows += [
-                {
-                    "channel": "present_position",
-                    "joints": [joint for joint, _ in group],
-                    "phase": phase,
-                    "share": sum(sums[k] for k in group) / total,
-                    "p_value": min(chance[k] for k in group),
-                }
-                for group in groups
-                if group
-            ]
-    return tuple(sorted(rows, key=lambda row: -float(str(row["share"]))))
+    for keys in places.kinds():
+        telling = [k for k in keys if places.chance(k) < SIGNIFICANT]
+        usual = float(np.median([places.level(k) for k in keys]))
+        own = [k for k in telling if places.level(k) > STANDS_OUT * usual]
+        groups = [[k] for k in own] + [[k for k in telling if k not in own]]
+        rows += [places.row(group) for group in groups if group]
+    return tuple(sorted(rows, key=lambda row: -float(row["share"])))
+
+
+def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], ...]:
+    """Where what is named moves a robot, as ``diagnosis.json`` has it, the largest share first.
+
+    ``by`` is how far it moves the rows of recordings. That it is there at all is shown by all of
+    them together: ``p_value`` is only that of the place, and may be any.
+    """
+    places = Places(model, by)
+    rows = []
+    for keys in places.kinds():
+        most = max(places.level(k) for k in keys)
+        row = places.row([k for k in keys if places.level(k) >= LEAST * most])
+        if row["share"] >= WORTH:
+            rows.append(row)
+    return tuple(sorted(rows, key=lambda row: -float(row["share"])))

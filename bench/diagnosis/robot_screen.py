@@ -38,11 +38,16 @@ class Screened:
     floor_z: float
 
 
+def _columns(rows: Rows, which: NDArray[np.bool_]) -> Rows:
+    return {kind: values[:, which] for kind, values in rows.items()}
+
+
 class Screen:
     """Whitened traces of effects in the data's own units, nuisances projected out.
 
     ``kinds``: those used; leave :attr:`RobotKind.HEIGHT` out for what joint registers alone tell.
-    ``already``: effects in the model, whose traces are projected out as well.
+    ``already``: effects in the model, whose traces are projected out as well. ``held``: nuisances
+    that have gone as far as they may, and do nothing instead of an effect.
     """
 
     def __init__(
@@ -53,12 +58,17 @@ class Screen:
         kinds: Iterable[RobotKind] = tuple(RobotKind),
         which: Sequence[int] | None = None,
         already: Sequence[str] = (),
+        held: NDArray[np.bool_] | None = None,
     ) -> None:
         self._model, self._noise = model, noise
         self._kinds = tuple(kinds)
         self._which = list(range(len(model.features)) if which is None else which)
         self.residual = self._whitened([residual[r] for r in self._which])[:, 0]
-        nuisances = self._whitened([model.traces[r] for r in self._which])
+        free = np.ones(len(model.nuisances), bool) if held is None else ~held
+        nuisances = self._whitened([_columns(model.traces[r], free) for r in self._which])
+        self._free = [
+            n.name for n, kept in zip(model.nuisances, free.tolist(), strict=True) if kept
+        ]
         self._nuisances = nuisances
         self._weight = huber_weight(self.residual)
         normal = (nuisances * self._weight[:, None]).T @ nuisances + np.eye(nuisances.shape[1])
@@ -86,7 +96,7 @@ class Screen:
         self._nuisances = np.column_stack([self._nuisances, self.trace(name)])
         normal = (self._nuisances * self._weight[:, None]).T @ self._nuisances
         prior = np.full(len(normal), 1.0)
-        prior[len(self._model.nuisances) :] = 1e-6
+        prior[len(self._free) :] = 1e-6
         self._solve = np.linalg.inv(normal + np.diag(prior))
 
     def _inner(self, a: Floats, b: Floats) -> float:
@@ -120,6 +130,7 @@ class Screen:
         wanted = list(names)
         motions = sorted({self._model.motion[r] for r in self._which})
         self._model.prepare(wanted, first_only=True, motions=motions)
+        self._model.enlarge(wanted, motions[0])
         return sorted((self.one(name) for name in wanted), key=lambda s: -s.gain_nats)
 
     def cosine(self, one: str, other: str) -> float:
@@ -134,13 +145,19 @@ class Screen:
         return sorted(((n, c) for n, c in found if abs(c) > ALIKE), key=lambda p: -abs(p[1]))
 
     def standing_out(self, most: int = 2) -> list[str]:
-        """Legs with clearly more misfit than the rest, the worst first: to be looked at alone."""
+        """Legs with clearly more misfit than the rest, the worst first: to be looked at alone.
+
+        What a leg's own nuisances must do against their priors to fit it is misfit as well.
+        """
         model = self._model
         legs = [leg.name for leg in model.base.legs]
         energy = dict.fromkeys(legs, 0.0)
-        left = self.residual - self._nuisances @ (
-            self._solve @ (self._nuisances.T @ (self._weight * self.residual))
-        )
+        taken = self._solve @ (self._nuisances.T @ (self._weight * self.residual))
+        left = self.residual - self._nuisances @ taken
+        for name, z in zip(self._free, taken[: len(self._free)].tolist(), strict=True):
+            leg = name.split()[-1].partition(".")[0]
+            if leg in energy:
+                energy[leg] += z * z
         at = 0
         for r in self._which:
             features = model.features[r]

@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .noise import Noise
 from .robot_features import RobotKind
 from .robot_fit import ENOUGH, RobotFit, Sight
 from .robot_model import RobotModel
+from .robot_nuisances import RobotNuisance
 from .robot_screen import Screen, Screened
 from .watch import OutOfTimeError
 
@@ -28,10 +30,13 @@ HELD_OUT = 1.5  #: gain [nats, deflated] it must have on groups of recordings le
 CONFIRMED = 6  #: effects of a screening that are fitted
 PROMISING = 3.0  #: gain [nats] in the screening of those that are
 A_KIND = 2  #: of them at most so many places of one effect
+STRETCHED = 0.9  #: of what a tolerance may be, from which its effect is tried by name
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
-EXACT = 2  #: of the best gains that are replayed exactly
-SETTLED = 4  #: times at most that exact replays and a fit take turns
+EXACT = 4  #: of the best gains that are replayed exactly
+WIDENED = 3  #: times at most that a curve is made longer for a fit
+BEHIND = 0.5  #: of an exact gain that another must have, as curves have it, to be replayed as well
+SETTLED = 3  #: times at most that exact replays and a fit take turns
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 
 
@@ -85,6 +90,25 @@ def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:
     return sorted((replace(g, inflation=common) for g in gains), key=lambda g: -g.deflated)
 
 
+def stretched(every: Sequence[RobotNuisance], z: Floats) -> frozenset[str]:
+    """Effects that are a nuisance without its prior, of nuisances that go as far as they may."""
+    far = [n for n, x in zip(every, z.tolist(), strict=True) if abs(x) > STRETCHED * n.reach]
+    return frozenset(name for nuisance in far for name in nuisance.same)
+
+
+def worth_fitting(ranking: Sequence[Screened], named: Collection[str]) -> list[Screened]:
+    """Effects of a screening to be fitted: the best, few of a kind, and those ``named``."""
+    found: list[Screened] = []
+    count: dict[str, int] = {}
+    for one in ranking:
+        kind = one.name.partition("@")[0]
+        room = len(found) < CONFIRMED and count.get(kind, 0) < A_KIND
+        if one.gain_nats >= PROMISING and room:
+            count[kind] = count.get(kind, 0) + 1
+            found.append(one)
+    return found + [one for one in ranking if one.name in named and one not in found]
+
+
 class RobotSearch:
     """A search on some recordings of a model, with some kinds of channels."""
 
@@ -104,14 +128,15 @@ class RobotSearch:
         names: Iterable[str] | None = None,
         most: int = MOST,
         without: Collection[str] = (),
+        base: RobotFit | None = None,
     ) -> RobotFindings:
         """Search among placed effects; all, and legs only where legs stand out, if None.
 
-        ``without`` are effects of the catalogue that are left out.
+        ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
+        believes if that was fitted already.
         """
         model = self.model
-        self._say("fitting what the operator believes")
-        base = self.settle(self.sight.fit())
+        base = base or self.believed()
         first = self.screen(base)
         wanted = list(names) if names is not None else self._worth_looking(first)
         wanted = [name for name in wanted if model.placed[name].effect.name not in without]
@@ -139,6 +164,16 @@ class RobotSearch:
             base, now, tuple(taken), tuple(tried), alike, screened, self._rms(base), self._rms(now)
         )
 
+    def believed(self) -> RobotFit:
+        """What the operator believes, with all that is never exactly so."""
+        self._say("fitting what the operator believes")
+        return self.settle(self.sight.fit())
+
+    def nothing(self, base: RobotFit) -> RobotFindings:
+        """That what the operator believes is all there is to say."""
+        rms = self._rms(base)
+        return RobotFindings(base, base, (), (), {}, (), rms, rms)
+
     def settle(self, found: RobotFit) -> RobotFit:
         """A fit whose replays are exact where it is: traces and curves only lead there."""
         best: RobotFit | None = None
@@ -148,17 +183,30 @@ class RobotSearch:
             if best is not None and exact.cost > best.cost - ENOUGH:
                 break
             best = exact
-            found = self.sight.fit(exact.names, exact.z, exact.noise)
+            found = self._fit(exact.names, exact.z, exact.noise)
         assert best is not None
         self.model.recentre(best.settings, best.nuisances, self.which)
         return best
+
+    def _fit(
+        self, names: Sequence[str], start: Floats, noise: Mapping[RobotKind, Noise]
+    ) -> RobotFit:
+        """A fit whose knobs are not at the ends of their curves, which are made longer."""
+        found = self.sight.fit(names, start, noise)
+        for _ in range(WIDENED):
+            longer = [name for name, z in found.settings if self.model.widen(name, z)]
+            if not longer:
+                break
+            found = self.sight.fit(names, found.z, found.noise)
+        return found
 
     def _that_holds(self, now: RobotFit, gains: list[RobotGain]) -> RobotGain | None:
         """The gain that exact replays bear out best; those take their places among the gains."""
         plain = self._left_out(now)
         held = []
         for k, gain in enumerate(gains[:EXACT]):
-            if gain.deflated < NEEDED:
+            best = max((one.deflated for one in held), default=0.0)
+            if gain.deflated < max(NEEDED, BEHIND * best):
                 continue
             self._say(f"replaying {gain.name} exactly")
             exact = self.settle(gain.fit)
@@ -176,16 +224,18 @@ class RobotSearch:
         """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""
         motion = self.model.motion
         some = [r for r in self.which if motion[r] == motion[self.which[0]]]
-        zero = np.zeros(len(self.model.nuisances))
+        reach = np.array([nuisance.reach for nuisance in self.model.nuisances])
+        held = np.abs(now.nuisances) > 0.99 * reach
+        at = np.where(held, now.nuisances, 0.0)
         left = [
             {
                 kind: self.model.recorded(r, kind) - rows
-                for kind, rows in self.model.modelled(now.settings, zero, r).items()
+                for kind, rows in self.model.modelled(now.settings, at, r).items()
             }
             for r in range(len(self.model.features))
         ]
         noise = dict(now.noise)
-        return Screen(self.model, noise, left, self.sight.kinds, some, now.names)
+        return Screen(self.model, noise, left, self.sight.kinds, some, now.names, held)
 
     def _worth_looking(self, screen: Screen) -> list[str]:
         legs = {leg.name for leg in self.model.base.legs}
@@ -199,12 +249,7 @@ class RobotSearch:
 
     def _step(self, now: RobotFit, ranking: Sequence[Screened], step: int) -> list[RobotGain]:
         gains: list[RobotGain] = []
-        count: dict[str, int] = {}
-        for one in ranking:
-            kind = one.name.partition("@")[0]
-            if one.gain_nats < PROMISING or count.get(kind, 0) >= A_KIND or len(gains) == CONFIRMED:
-                continue
-            count[kind] = count.get(kind, 0) + 1
+        for one in worth_fitting(ranking, stretched(self.model.nuisances, now.nuisances)):
             self._say(f"step {step + 1}: fitting {one.name}")
             gains.append(self._confirm(now, one))
         return levelled(gains)
@@ -214,10 +259,13 @@ class RobotSearch:
         names = (*now.names, one.name)
         low, high = placed.knob.bounds
         sign = -1.0 if one.z < 0.0 else 1.0
-        starts = {float(np.clip(sign * placed.first_z * x, low, high)) for x in TRIED}
-        vectors = [np.append(now.z, z) for z in sorted({*starts, one.z} - {0.0})]
+        first = self.model.first_z(one.name)
+        starts = {float(np.clip(sign * first * x, low, high)) for x in TRIED}
+        box = sight.box(names)
+        wanted = sorted({*starts, one.z} - {0.0})
+        vectors = [np.clip(np.append(now.z, z), *box) for z in wanted]
         costs = [sight.cost(sight.blocks(names, z), now.noise) for z in vectors]
-        fitted = sight.fit(names, vectors[int(np.argmin(costs))], now.noise)
+        fitted = self._fit(names, vectors[int(np.argmin(costs))], now.noise)
         wide = sight.inflation(fitted, one.name)
         return RobotGain(one.name, fitted, now.cost - fitted.cost, wide, None)
 

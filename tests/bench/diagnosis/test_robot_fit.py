@@ -16,6 +16,8 @@ RANDOM = np.random.default_rng(3)
 TRACES = 1e-2 * RANDOM.standard_normal((ROWS, NUISANCES))
 BENT = 1e-2 * RANDOM.standard_normal(ROWS)
 BOUNDS = (0.0, 4.0)
+REACH = 2.0
+SAME = 2  #: the nuisance that is the knob's effect without a name
 
 
 class Pretended:
@@ -24,7 +26,10 @@ class Pretended:
     def __init__(self, nuisances, knob, noise_rad=NOISE_RAD, seed=1):
         noise = noise_rad * np.random.default_rng(seed).standard_normal(ROWS)
         self.data = TRACES @ np.asarray(nuisances) + self.effect(knob) + noise
-        self.nuisances = [SimpleNamespace(name=str(k)) for k in range(NUISANCES)]
+        self.nuisances = [
+            SimpleNamespace(name=str(k), reach=REACH, same=("bent",) if k == SAME else ())
+            for k in range(NUISANCES)
+        ]
         self.placed = {"bent": SimpleNamespace(knob=SimpleNamespace(bounds=BOUNDS))}
         self.motion = [0]
         self.traces = [{RobotKind.JOINTS: TRACES}]
@@ -83,3 +88,51 @@ def test_doing_without_an_effect_gives_the_fit_that_never_had_it():
     base = own.fit()
     with_it = own.fit(("bent",), np.append(base.z, 0.5))
     assert own.without(with_it, "bent").cost == pytest.approx(base.cost, abs=1.0)
+
+
+def test_a_nuisance_goes_no_farther_than_it_may_and_the_others_adapt_to_that():
+    found = sight(Pretended([0.5, 3.0, 0.0], 0.0)).fit()
+    assert found.nuisances[1] == pytest.approx(REACH)
+    free = [0, 2]
+    left = Pretended([0.5, 3.0, 0.0], 0.0).data - REACH * TRACES[:, 1]
+    normal = TRACES[:, free].T @ TRACES[:, free] / NOISE_RAD**2 + np.eye(2)
+    alone = np.linalg.solve(normal, TRACES[:, free].T @ left / NOISE_RAD**2)
+    assert found.nuisances[free] == pytest.approx(alone, abs=0.05)
+
+
+def test_a_nuisance_is_idle_where_its_effect_is_named_and_costs_it_no_certainty():
+    own = sight(Pretended([0.0, 0.0, 1.0], 1.0))
+    found = own.fit(("bent",), np.array([0.0, 0.0, 1.0, 1.0]))
+    assert found.nuisances[SAME] == 0.0
+    believed, _ = own.covariances(found)
+    assert believed[SAME, SAME] < 1e-6
+
+
+class Repeated(Pretended):
+    """Several recordings, each with a rest that no knob explains: the same one, or its own."""
+
+    def __init__(self, knob, rests):
+        super().__init__([0.0, 0.0, 0.0], knob)
+        self.rests = rests
+        self.motion = [0] * len(rests)
+        self.traces *= len(rests)
+
+    def residuals(self, names, z, which):
+        ((_, block),) = super().residuals(names, z, which).items()
+        return {
+            (r, RobotKind.JOINTS): Block(TIMES, block.value + self.rests[r], np.zeros(ROWS))
+            for r in which
+        }
+
+
+def test_what_every_recording_leaves_alike_is_not_believed_as_often_as_there_are_recordings():
+    def rest(seed):
+        return 3.0 * NOISE_RAD * np.random.default_rng(seed).standard_normal(ROWS)
+
+    wide = {}
+    for alike in (True, False):
+        model = Repeated(2.0, [rest(0 if alike else r) for r in range(4)])
+        own = Sight(model, range(4), RobotKind)
+        found = own.fit(("bent",), np.array([0.0, 0.0, 0.0, 2.0]))
+        wide[alike] = own.inflation(found, "bent")
+    assert wide[True] > 2.0 * wide[False]

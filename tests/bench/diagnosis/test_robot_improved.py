@@ -12,6 +12,7 @@ from bench.diagnosis.robot_improved import (
     of_causes,
     of_nuisances,
     of_room,
+    of_settings,
     with_all,
     write_model,
 )
@@ -96,3 +97,11 @@ def test_a_model_file_is_the_robot_with_its_causes_and_says_where_from(tmp_path)
     assert entry["parameters"][placed.parameter.name]["ci95"] == [800.0, 1000.0]
     assert all(TOLD in p["source"] for p in entry["parameters"].values())
     assert "assumed" in entry["parameters"]["damping_n_s_m"]["source"]
+
+
+@pytest.mark.parametrize("name", ["foot_compliance@all", "ground_tilt.pitch@all", "backlash@leg2"])
+def test_an_effect_at_a_value_of_its_knob_is_what_was_replayed(name):
+    known = placed_effects(believed())
+    z = 2.0 * known[name].first_z
+    added = of_settings(known, ((name, z),), TOLD)
+    assert with_all(believed(), added) == known[name].apply(believed(), known[name].knob.value(z))

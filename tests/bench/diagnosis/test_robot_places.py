@@ -1,4 +1,3 @@
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -6,7 +5,7 @@ import pytest
 
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_places import mismatch
+from bench.diagnosis.robot_places import LEAST, mismatch, moved
 
 JOINTS = [f"leg{n}.{part}" for n in (1, 2, 3) for part in ("coxa", "femur", "tibia")]
 BINS = 24
@@ -14,13 +13,10 @@ STANCE = np.tile(np.arange(BINS) < 14, len(JOINTS))
 NOISE_RAD = 1e-3
 
 
-@dataclass
 class Stood:
-    """A model of one recording whose residual is given."""
+    """A model of one recording."""
 
-    value: np.ndarray
-
-    def __post_init__(self):
+    def __init__(self):
         self.base = SimpleNamespace(joints=[SimpleNamespace(name=name) for name in JOINTS])
         row = np.repeat(np.arange(len(JOINTS)), BINS)
         self.features = [SimpleNamespace(joint_row=row, stance=STANCE)]
@@ -28,12 +24,17 @@ class Stood:
     def floors(self):
         return {RobotKind.JOINTS: NOISE_RAD}
 
-    def residuals(self, names, z, which):
-        t = np.arange(len(self.value)) * 1.0
-        return {(0, RobotKind.JOINTS): Block(t, self.value, 0.0 * t)}
+    def block(self, r, kind, value):
+        t = np.arange(len(value)) * 1.0
+        return Block(t, value, 0.0 * t)
 
 
-FOUND = SimpleNamespace(names=(), z=None)
+def told(value):
+    return mismatch(Stood(), {0: value})
+
+
+def shifted(value):
+    return moved(Stood(), {0: value})
 
 
 def noise(seed=5):
@@ -46,7 +47,7 @@ def rows_of(joints):
 
 def test_joints_of_one_kind_that_are_off_in_stance_stand_together():
     femurs = [name for name in JOINTS if name.endswith("femur")]
-    (place,) = mismatch(Stood(noise() + 0.01 * (rows_of(femurs) & STANCE)), FOUND, [0])
+    (place,) = told(noise() + 0.01 * (rows_of(femurs) & STANCE))
     assert (place["joints"], place["phase"]) == (femurs, "stance")
     assert 0.9 < place["share"] <= 1.0
     assert place["p_value"] < 1e-6
@@ -54,17 +55,34 @@ def test_joints_of_one_kind_that_are_off_in_stance_stand_together():
 
 def test_a_leg_that_stands_out_stands_on_its_own():
     value = noise() + 0.02 * (rows_of(["leg2.tibia"]) & ~STANCE)
-    (place,) = mismatch(Stood(value), FOUND, [0])
+    (place,) = told(value)
     assert (place["joints"], place["phase"]) == (["leg2.tibia"], "swing")
 
 
 def test_noise_has_no_place():
-    assert [mismatch(Stood(noise(seed)), FOUND, [0]) for seed in range(20)] == [()] * 20
+    assert [told(noise(seed)) for seed in range(20)] == [()] * 20
 
 
 def test_shares_are_of_the_whole_misfit():
     value = noise() + 0.01 * (rows_of(["leg1.coxa"]) & STANCE)
     value += 0.01 * (rows_of(["leg3.tibia"]) & STANCE)
-    found = mismatch(Stood(value), FOUND, [0])
+    found = told(value)
     assert {place["joints"][0] for place in found} == {"leg1.coxa", "leg3.tibia"}
     assert sum(place["share"] for place in found) == pytest.approx(1.0, abs=0.2)
+
+
+def test_what_is_named_is_told_where_it_moves_joints_however_little():
+    femurs = [name for name in JOINTS if name.endswith("femur")]
+    (place,) = shifted(0.1 * NOISE_RAD * (rows_of(femurs) & STANCE))
+    assert (place["joints"], place["phase"]) == (femurs, "stance")
+    assert place["share"] == pytest.approx(1.0)
+    assert place["p_value"] == pytest.approx(1.0)
+
+
+def test_joints_that_a_named_effect_hardly_moves_are_not_told():
+    one = 1.0 * (rows_of(["leg2.tibia"]) & ~STANCE)
+    others = rows_of([name for name in JOINTS if name.endswith("tibia")]) & ~STANCE
+    (place,) = shifted(0.01 * np.maximum(one, 0.9 * np.sqrt(LEAST) * others))
+    assert place["joints"] == ["leg2.tibia"]
+    (place,) = shifted(0.01 * np.maximum(one, 1.1 * np.sqrt(LEAST) * others))
+    assert len(place["joints"]) == 3
