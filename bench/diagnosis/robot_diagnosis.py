@@ -13,13 +13,12 @@ from bench.recording import Recording
 from busemu.tables import Robot
 from sim.model import Addition, read_model
 
-from .growing import RELIEF
 from .journal import Journal
 from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, verdict_of
 from .robot_causes import cause_of, close_rivals
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
-from .robot_improved import of_causes, of_nuisances, of_settings
+from .robot_improved import of_causes, of_nuisances
 from .robot_judging import Judgement, floor_rad, judge, rmse_rad
 from .robot_model import RobotModel
 from .robot_next import next_experiments
@@ -27,13 +26,10 @@ from .robot_places import mismatch, moved
 from .robot_replay import course
 from .robot_rest import Rest, rest_of
 from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
+from .robot_settling import RobotJudges
 
 Floats = NDArray[np.float64]
 
-#: mean squares over those of noise up to which robots are as believed, where tolerances were
-#: fitted and elsewhere. Measured of nulls of another engine: 0.34 to 0.40, and 1.0 to 1.3
-FITTED, JUDGED = 0.6, 1.6
-LITTLE = 0.15  #: share of the misfit above the floor that a name must take away where it is judged
 FAR = 3.0  #: deviations of its prior at which a tolerance is worth a word
 
 
@@ -94,16 +90,17 @@ class _Work:
         groups = sorted({model.observed[r].group for r in which})
         self.told = f"fitted to recordings {', '.join(groups)}" + (f"; {on}" if on else "")
         self.search = RobotSearch(model, which, say=say)
+        self.held = RobotJudges(self.search, robot, which, self.judges, self.held_out)
 
     def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
         """Search, judge, and say what was found."""
         model, say = self.model, self.say
         base = self.search.believed()
         found = self.search.nothing(base)
-        if not self._consistent(base):
+        if not self.held.consistent(base):
             found = self.search.run(without=without, base=base)
-        taken, after, rejected = self._kept(found)
-        self.square(after, sorted({*self.which, *self.judges}))
+        taken, after, rejected = self.held.kept(found, say)
+        self.held.square(after, sorted({*self.which, *self.judges}))
         rest = rest_of(model, after, self.which, self.judges)
         say("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after)
@@ -134,30 +131,6 @@ class _Work:
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 
-    def square(self, found: RobotFit, which: Sequence[int]) -> float:
-        """Mean square of phase means that a fit leaves by exact replays [rad^2]."""
-        self.model.recentre(found.settings, found.nuisances, which)
-        blocks = self.model.residuals(found.names, found.z, which)
-        rows = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.JOINTS]
-        return float(np.mean(np.concatenate(rows) ** 2))
-
-    def _consistent(self, base: RobotFit) -> bool:
-        """Whether what the operator believes leaves no more than noise, if that were independent.
-
-        Of recordings that it was fitted to tolerances take much away; on others they cannot.
-        """
-        fitted = self._over_noise(base, self.which) < FITTED
-        return fitted and (not self.held_out or self._over_noise(base, self.judges) < JUDGED)
-
-    def _over_noise(self, found: RobotFit, which: Sequence[int]) -> float:
-        """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns."""
-        self.model.recentre(found.settings, found.nuisances, which)
-        joints = RobotKind.JOINTS
-        floor = self.model.floors()[joints] ** 2
-        blocks = self.model.residuals(found.names, found.z, which)
-        own = [block for (_, kind), block in blocks.items() if kind is joints]
-        return float(np.mean(np.concatenate([b.value**2 / (floor + b.extra) for b in own])))
-
     def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
         """Where what is named moves the robot; without a name, where more is left than noise."""
         model = self.model
@@ -169,67 +142,9 @@ class _Work:
             joints = RobotKind.JOINTS
             apart = [one[joints] - other[joints] for one, other in zip(*rows, strict=True)]
             return moved(model, dict(zip(self.which, apart, strict=True)))
-        self.square(found.base, self.which)
+        self.held.square(found.base, self.which)
         blocks = model.residuals(found.base.names, found.base.z, self.which)
         return mismatch(model, {r: blocks[r, RobotKind.JOINTS].value for r in self.which})
-
-    def _outside(self, found: RobotFit) -> float:
-        """What a fit costs on recordings that it has not seen [nats]."""
-        self.model.recentre(found.settings, found.nuisances, self.judges)
-        blocks = self.search.sight.blocks(found.names, found.z, self.judges)
-        return self.search.sight.cost(blocks, found.noise)
-
-    @property
-    def _floor_square(self) -> float:
-        extra = [
-            float(np.mean(self.model.spread[self.model.motion[r]][RobotKind.JOINTS]))
-            for r in self.judges
-        ]
-        return float(self.model.floors()[RobotKind.JOINTS] ** 2 + np.mean(extra))
-
-    def _kept(
-        self, found: RobotFindings
-    ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
-        """Names that recordings which judge do not deny; the fit with them; those taken back."""
-        taken, now = list(found.taken), found.fit
-        rejected: list[Mapping[str, Any]] = []
-        while taken and self.held_out:
-            self.say("asking recordings that were not used to fit")
-            floor, before = self._floor_square, self.square(found.base, self.judges)
-            least = max(RELIEF * floor, LITTLE * (before - floor))
-            with_all, samples = self.square(now, self.judges), self._samples(now)
-            fits = {gain.name: self._without(found, now, gain.name) for gain in taken}
-            relief = {
-                name: self.square(fit, self.judges) - with_all
-                if self._samples(fit) > samples
-                else -np.inf
-                for name, fit in fits.items()
-            }
-            worst = min(taken, key=lambda gain: relief[gain.name])
-            if relief[worst.name] > least:
-                break
-            rejected.append(
-                {
-                    "effect": self.model.placed[worst.name].effect.name,
-                    "scope": list(self.model.placed[worst.name].where),
-                    "gain_nats": float(worst.deflated),
-                    "because": "recordings that were not used to fit are no better with it",
-                }
-            )
-            now = fits[worst.name]
-            taken = [gain for gain in taken if gain is not worst]
-        return taken, now, rejected
-
-    def _samples(self, found: RobotFit) -> float:
-        """Mean square of all samples [rad^2] of recordings that judge."""
-        added = of_settings(self.model.placed, found.settings, self.told)
-        return rmse_rad(judge(self.model, self.robot, found.nuisances, added, self.judges)) ** 2
-
-    def _without(self, found: RobotFindings, now: RobotFit, name: str) -> RobotFit:
-        """The fit without one effect, its replays as exact as those with it."""
-        if len(now.names) == 1:
-            return found.base
-        return self.search.settle(self.search.sight.without(now, name))
 
     def _causes(
         self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit
@@ -237,17 +152,17 @@ class _Work:
         """Named causes, what would tell them from their rivals, and what they add to the file."""
         causes, nexts = [], []
         placed: list[tuple[Any, Mapping[str, Estimate]]] = []
-        before, floor = self.square(found.base, self.judges), self._floor_square
-        left = self.square(after, self.judges)
+        before, floor = self.held.square(found.base, self.judges), self.held.floor_square
+        left = self.held.square(after, self.judges)
         for gain in taken:
-            without = self._without(found, after, gain.name)
-            bare = self.square(without, self.judges)
+            without = self.held.without(found.base, after, gain.name)
+            bare = self.held.square(without, self.judges)
             explained = (bare - left) / max(before - floor, 1e-30)
             held_out = gain.deflated
             if gain.held_out is not None:
                 held_out = gain.held_out / gain.inflation
             elif self.held_out:
-                held_out = (self._outside(without) - self._outside(after)) / gain.inflation
+                held_out = (self.held.outside(without) - self.held.outside(after)) / gain.inflation
             cause = cause_of(
                 self.search, found, gain, after, float(np.clip(explained, -1.0, 1.0)), held_out
             )
@@ -304,7 +219,7 @@ class _Work:
         for kind, floor in self.model.floors().items():
             values = []
             for one in (found.base, after):
-                self.square(one, self.which)
+                self.held.square(one, self.which)
                 blocks = self.model.residuals(one.names, one.z, self.which)
                 own = [b.value for (_, k), b in blocks.items() if k is kind]
                 values.append(float(np.sqrt(np.mean(np.concatenate(own) ** 2))))
@@ -335,6 +250,10 @@ class _Work:
             "nuisances": {
                 n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
                 for n, x in zip(self.model.nuisances, after.nuisances.tolist(), strict=True)
+            },
+            "over_noise": {
+                "fitted": self.held.over_noise(found.base, self.which),
+                "judged": self.held.over_noise(found.base, self.judges),
             },
             "remainder": {
                 "predicted_rad": rest.predicted_rad,

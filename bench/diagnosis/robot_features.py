@@ -8,6 +8,7 @@ with the height of the trunk where somebody watched it.
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,6 +126,15 @@ class Features:
         start = max(0.0, float(steady[0]) - SETTLE_S)
         end = min(self.course.end_s, float(steady[0]) + CYCLES * self.phase.period_s)
         return start, end
+
+    def steady_square(self, modelled_rad: Sequence[Floats]) -> float:
+        """Mean square of recorded less modelled samples that lie in bins [rad^2].
+
+        Before a robot walks it stands up, and may do so in many ways.
+        """
+        every = zip(self.course.position_rad, modelled_rad, self.bins, strict=True)
+        left = np.concatenate([(seen - told)[b.bin >= 0] for seen, told, b in every])
+        return float(np.mean(left**2))
 
     def of_track(self, track: Track) -> tuple[Floats, Floats]:
         """Means of a replay: joint angles (rows,) [rad], heights (bins,) [m]."""

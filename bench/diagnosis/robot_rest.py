@@ -19,7 +19,9 @@ from .robot_model import ENGINES_RAD, RobotModel
 
 Floats = NDArray[np.float64]
 
-MORE = 2.0  #: times what engines differ by, from which structure is called unexplained
+MORE = (
+    1.0  #: times what engines differ by, from which structure is called unexplained; nulls have 0.5
+)
 SHARE = 0.15  #: of the squared rest that must be foretold
 AGREEING = 0.6  #: of the recordings that must agree
 

@@ -1,0 +1,126 @@
+"""Which names of a whole robot hold, on squares and residuals that are given."""
+
+from types import SimpleNamespace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from bench.diagnosis.growing import RELIEF
+from bench.diagnosis.noise import Block
+from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_settling import FITTED, JUDGED, LITTLE, NO_BETTER, RobotJudges
+
+FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
+FITS, JUDGES = (0, 1), (2,)
+
+
+def judges(left, held_out=True):
+    """Of a model whose recordings leave so much, RMS [rad] by recording."""
+
+    def residuals(names, z, which):
+        rows = np.arange(100) * 1.0
+        return {
+            (r, RobotKind.JOINTS): Block(rows, np.full(100, left[r]), np.full(100, EXTRA_RAD2))
+            for r in which
+        }
+
+    model = SimpleNamespace(
+        floors=lambda: {RobotKind.JOINTS: FLOOR_RAD},
+        recentre=lambda settings, z, which: 0.0,
+        residuals=residuals,
+    )
+    return RobotJudges(
+        SimpleNamespace(model=model), None, FITS, JUDGES if held_out else FITS, held_out
+    )
+
+
+BASE = SimpleNamespace(names=(), z=np.empty(0), settings=(), nuisances=np.empty(0))
+
+
+def rms(share):
+    return float(np.sqrt(share * (FLOOR_RAD**2 + EXTRA_RAD2)))
+
+
+def test_what_is_left_is_told_in_squares_of_noise():
+    found = judges({0: rms(0.2), 1: rms(0.4), 2: rms(2.0)})
+    assert found.over_noise(BASE, FITS) == pytest.approx(0.3)
+    assert found.over_noise(BASE, JUDGES) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "judged", "expected"),
+    [
+        (0.9 * FITTED, 0.9 * JUDGED, True),
+        (1.1 * FITTED, 0.9 * JUDGED, False),
+        (0.9 * FITTED, 1.1 * JUDGED, False),
+    ],
+)
+def test_a_robot_is_as_believed_where_neither_leaves_more_than_noise(fitted, judged, expected):
+    left = {0: rms(fitted), 1: rms(fitted), 2: rms(judged)}
+    assert judges(left).consistent(BASE) is expected
+
+
+def test_without_recordings_that_judge_those_that_were_fitted_say_it():
+    left = {0: rms(0.9 * FITTED), 1: rms(0.9 * FITTED)}
+    assert judges(left, held_out=False).consistent(BASE)
+
+
+class Given(RobotJudges):
+    """Squares of phase means and of samples by the names of a fit, floors aside."""
+
+    __slots__ = ()
+    phases: ClassVar = {}
+    seen: ClassVar = {}
+    floor_square = 1.0
+
+    def square(self, found, which):
+        return self.phases[found.names]
+
+    def samples(self, found):
+        return self.seen[found.names]
+
+    def without(self, base, now, name):
+        left = tuple(other for other in now.names if other != name)
+        return SimpleNamespace(names=left)
+
+
+def kept(phases, seen=None):
+    names = max(phases, key=len)
+    placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
+    search = SimpleNamespace(model=SimpleNamespace(placed=placed))
+    own = Given(search, None, FITS, JUDGES, held_out=True)
+    Given.phases, Given.seen = phases, seen or phases
+    gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
+    found = SimpleNamespace(
+        base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
+    )
+    taken, now, rejected = own.kept(found, lambda _: None)
+    assert now.names == tuple(gain.name for gain in taken)
+    assert all(row["because"] == NO_BETTER for row in rejected)
+    return now.names
+
+
+def test_a_name_that_takes_much_of_the_misfit_away_stays():
+    assert kept({(): 5.0, ("a",): 1.5}) == ("a",)
+
+
+def test_a_name_that_takes_less_than_a_tenth_away_goes():
+    before = 5.0
+    least = LITTLE * (before - 1.0)
+    assert kept({(): before, ("a",): before - 1.1 * least}) == ("a",)
+    assert kept({(): before, ("a",): before - 0.9 * least}) == ()
+
+
+def test_where_little_is_to_be_explained_a_name_must_take_away_some_of_the_floor():
+    assert kept({(): 1.1, ("a",): 1.1 - 1.1 * RELIEF}) == ("a",)
+    assert kept({(): 1.1, ("a",): 1.1 - 0.9 * RELIEF}) == ()
+
+
+def test_a_name_that_makes_samples_worse_goes_however_much_phases_gain():
+    assert kept({(): 5.0, ("a",): 1.5}, {(): 5.0, ("a",): 5.1}) == ()
+
+
+def test_the_name_that_helps_least_goes_first_and_the_others_are_asked_again():
+    squares = {(): 9.0, ("a",): 2.0, ("b",): 8.5, ("a", "b"): 1.9}
+    assert kept(squares) == ("a",)
