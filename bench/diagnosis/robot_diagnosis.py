@@ -96,10 +96,11 @@ class _Work:
         """Search, judge, and say what was found."""
         model, say = self.model, self.say
         base = self.search.believed()
-        found = self.search.nothing(base)
+        found, after = self.search.nothing(base), base
+        taken: list[RobotGain] = []
+        rejected: list[Mapping[str, Any]] = []
         if not self.held.consistent(base):
-            found = self.search.run(without=without, base=base)
-        taken, after, rejected = self.held.kept(found, say)
+            found, taken, after, rejected = self._searched(base, without)
         self.held.square(after, sorted({*self.which, *self.judges}))
         rest = rest_of(model, after, self.which, self.judges)
         say("replaying the recordings that judge")
@@ -130,6 +131,24 @@ class _Work:
             details=self._details(found, after, rest),
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
+
+    def _searched(
+        self, base: RobotFit, without: frozenset[str]
+    ) -> tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
+        """What a search found, the names that hold, the fit with them, and those taken back.
+
+        Where the first name is taken back there is a second search without it.
+        """
+        every: list[Mapping[str, Any]] = []
+        while True:
+            enough = self.held.consistent
+            found = self.search.run(without=without, base=base, enough=enough)
+            taken, after, rejected = self.held.kept(found, self.say)
+            again = bool(found.taken) and found.taken[0] not in taken and not every
+            every += rejected
+            if not again:
+                return found, taken, after, every
+            without |= {self.model.placed[found.taken[0].name].effect.name}
 
     def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
         """Where what is named moves the robot; without a name, where more is left than noise."""

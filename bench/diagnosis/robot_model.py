@@ -80,7 +80,7 @@ class RobotModel:
         judging: Collection[int] = (),
         journal: Journal | None = None,
     ) -> None:
-        self.base = base
+        self.base, self.robot = base, robot
         self.features = tuple(Features.of(course, robot) for course in courses)
         self.observed = tuple(Observed(c.name, c.group) for c in courses)
         self.quantum_rad = courses[0].quantum_rad

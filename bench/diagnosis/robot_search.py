@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from .noise import Noise
 from .robot_features import RobotKind
 from .robot_fit import ENOUGH, RobotFit, Sight
+from .robot_improved import of_settings
+from .robot_judging import judge, rmse_rad
 from .robot_model import RobotModel
 from .robot_nuisances import RobotNuisance
 from .robot_screen import Screen, Screened
@@ -26,6 +28,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
+BESIDE = 15.0  #: the same of an effect beside others: what those leave unexplained it may take up
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on groups of recordings left out
 CONFIRMED = 6  #: effects of a screening that are fitted
 PROMISING = 3.0  #: gain [nats] in the screening of those that are
@@ -33,7 +36,8 @@ A_KIND = 2  #: of them at most so many places of one effect
 STRETCHED = 0.9  #: of what a tolerance may be, from which its effect is tried by name
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
-EXACT = 4  #: of the best gains that are replayed exactly
+WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
+EXACT = 3  #: of the best gains that are replayed exactly
 WIDENED = 3  #: times at most that a curve is made longer for a fit
 BEHIND = 0.5  #: of an exact gain that another must have, as curves have it, to be replayed as well
 SETTLED = 3  #: times at most that exact replays and a fit take turns
@@ -129,11 +133,12 @@ class RobotSearch:
         most: int = MOST,
         without: Collection[str] = (),
         base: RobotFit | None = None,
+        enough: Callable[[RobotFit], bool] = lambda _: False,
     ) -> RobotFindings:
         """Search among placed effects; all, and legs only where legs stand out, if None.
 
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
-        believes if that was fitted already.
+        believes if that was fitted already. Where a fit is ``enough``, no further one is sought.
         """
         model = self.model
         base = base or self.believed()
@@ -146,14 +151,17 @@ class RobotSearch:
         now, taken, tried, alike = base, [], [], {}
         try:
             for step in range(most):
-                gains = self._step(now, ranking, step)
-                chosen = self._that_holds(now, gains)
+                named = stretched(model.nuisances, now.nuisances)
+                gains = self._step(worth_fitting(ranking, named), now, step)
+                chosen = self._that_holds(now, gains, named)
                 tried.append(tuple(gains))
                 if chosen is None:
                     break
                 alike[chosen.name] = self._alike(first, chosen, gains, wanted)
                 now = chosen.fit
                 taken.append(chosen)
+                if enough(now):
+                    break
                 if step + 1 < most:
                     ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
         except OutOfTimeError:
@@ -200,11 +208,17 @@ class RobotSearch:
             found = self.sight.fit(names, found.z, found.noise)
         return found
 
-    def _that_holds(self, now: RobotFit, gains: list[RobotGain]) -> RobotGain | None:
-        """The gain that exact replays bear out best; those take their places among the gains."""
-        plain = self._left_out(now)
-        held = []
-        for k, gain in enumerate(gains[:EXACT]):
+    def _that_holds(
+        self, now: RobotFit, gains: list[RobotGain], named: Collection[str]
+    ) -> RobotGain | None:
+        """The gain that exact replays bear out best; those take their places among the gains.
+
+        What stands for a tolerance at its end (``named``) is replayed whatever is before it.
+        """
+        plain, begun = self._left_out(now), self._whole_square(now)
+        held: list[RobotGain] = []
+        for k in [k for k, gain in enumerate(gains) if k < EXACT or gain.name in named]:
+            gain = gains[k]
             best = max((one.deflated for one in held), default=0.0)
             if gain.deflated < max(NEEDED, BEHIND * best):
                 continue
@@ -212,13 +226,19 @@ class RobotSearch:
             exact = self.settle(gain.fit)
             outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
             gains[k] = replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
-            if self._holds(gains[k]):
+            if self._holds(gains[k], now) and self._whole_square(exact) <= WORSE * begun:
                 held.append(gains[k])
         gains.sort(key=lambda gain: -gain.deflated)
         chosen = max(held, key=lambda gain: gain.deflated, default=None)
         fit = now if chosen is None else chosen.fit
         self.model.recentre(fit.settings, fit.nuisances, self.which)
         return chosen
+
+    def _whole_square(self, found: RobotFit) -> float:
+        """Mean square [rad^2] of a whole recording, standing up as well, which no fit has seen."""
+        model = self.model
+        added = of_settings(model.placed, found.settings, "fitted")
+        return rmse_rad(judge(model, model.robot, found.nuisances, added, self.which[:1])) ** 2
 
     def screen(self, now: RobotFit) -> Screen:
         """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""
@@ -247,9 +267,9 @@ class RobotSearch:
                 names.append(name)
         return names
 
-    def _step(self, now: RobotFit, ranking: Sequence[Screened], step: int) -> list[RobotGain]:
+    def _step(self, some: Sequence[Screened], now: RobotFit, step: int) -> list[RobotGain]:
         gains: list[RobotGain] = []
-        for one in worth_fitting(ranking, stretched(self.model.nuisances, now.nuisances)):
+        for one in some:
             self._say(f"step {step + 1}: fitting {one.name}")
             gains.append(self._confirm(now, one))
         return levelled(gains)
@@ -258,9 +278,8 @@ class RobotSearch:
         placed, sight = self.model.placed[one.name], self.sight
         names = (*now.names, one.name)
         low, high = placed.knob.bounds
-        sign = -1.0 if one.z < 0.0 else 1.0
         first = self.model.first_z(one.name)
-        starts = {float(np.clip(sign * first * x, low, high)) for x in TRIED}
+        starts = {float(np.clip(side * first * x, low, high)) for x in TRIED for side in (-1, 1)}
         box = sight.box(names)
         wanted = sorted({*starts, one.z} - {0.0})
         vectors = [np.clip(np.append(now.z, z), *box) for z in wanted]
@@ -288,9 +307,9 @@ class RobotSearch:
         return total
 
     @staticmethod
-    def _holds(gain: RobotGain) -> bool:
+    def _holds(gain: RobotGain, now: RobotFit) -> bool:
         outside = gain.held_out is None or gain.held_out / gain.inflation > HELD_OUT
-        return gain.deflated >= NEEDED and outside
+        return gain.deflated >= (BESIDE if now.names else NEEDED) and outside
 
     def _alike(
         self, screen: Screen, chosen: RobotGain, gains: Sequence[RobotGain], names: Sequence[str]

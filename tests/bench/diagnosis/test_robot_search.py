@@ -1,18 +1,27 @@
 """Which effects of a screening are fitted, and which tolerances are tried by name."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from bench.diagnosis.robot_effects import placed_effects
+from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_nuisances import SAME, nuisances
 from bench.diagnosis.robot_screen import Screened
 from bench.diagnosis.robot_search import (
     A_KIND,
+    BEHIND,
+    BESIDE,
     CONFIRMED,
+    EXACT,
+    NEEDED,
     PROMISING,
     STRETCHED,
+    WORSE,
+    RobotGain,
+    RobotSearch,
     stretched,
     worth_fitting,
 )
@@ -74,3 +83,70 @@ def test_a_tolerance_at_its_end_is_tried_by_name_and_no_other():
         "link_mass@trunk",
         "payload@all",
     }
+
+
+class Exact(RobotSearch):
+    """A search whose exact replays give the same gains; squares of whole recordings are given."""
+
+    def __init__(self, squares):
+        self.model = SimpleNamespace(recentre=lambda settings, z, which: 0.0)
+        self.which, self.squares, self.replayed = [0], squares, []
+
+    def _say(self, stage):
+        self.replayed.append(stage.split()[1])
+
+    def settle(self, found):
+        return found
+
+    def _left_out(self, found):
+        return None
+
+    def _whole_square(self, found):
+        return self.squares.get(found.names, 1.0)
+
+
+def fit(name, nats):
+    names = (name,) if name else ()
+    return RobotFit(names, np.zeros(len(names)), {}, -nats)
+
+
+def gains(*nats):
+    return [
+        RobotGain(f"effect{k}@all", fit(f"effect{k}@all", x), x, 1.0, None)
+        for k, x in enumerate(nats)
+    ]
+
+
+def holding(search, some, named=()):
+    return search._that_holds(fit("", 0.0), some, named)
+
+
+def test_the_best_gain_of_exact_replays_is_taken():
+    assert holding(Exact({}), gains(30.0, 20.0)).name == "effect0@all"
+
+
+def test_what_makes_a_whole_recording_worse_is_not_taken_however_much_it_gains():
+    for worse, taken in ((0.9, "effect0@all"), (1.1, "effect1@all")):
+        search = Exact({("effect0@all",): worse * WORSE})
+        assert holding(search, gains(30.0, 20.0)).name == taken
+
+
+def test_what_stands_for_a_tolerance_is_replayed_behind_all_others():
+    some = gains(*np.linspace(30.0, 20.0, EXACT + 2))
+    search = Exact({})
+    holding(search, some, {some[-1].name})
+    assert search.replayed == [f"effect{k}@all" for k in (*range(EXACT), EXACT + 1)]
+
+
+def test_what_is_far_behind_an_exact_gain_is_not_replayed():
+    search = Exact({})
+    holding(search, gains(100.0, 1.1 * 100.0 * BEHIND, 0.9 * 100.0 * BEHIND))
+    assert search.replayed == ["effect0@all", "effect1@all"]
+
+
+def test_an_effect_beside_others_must_gain_more():
+    for nats, taken in ((0.5 * (NEEDED + BESIDE), False), (1.1 * BESIDE, True)):
+        some = [replace(one, fit=fit(one.name, nats)) for one in gains(nats)]
+        assert Exact({})._that_holds(fit("", 0.0), gains(nats), ()) is not None
+        beside = Exact({})._that_holds(fit("other@all", 0.0), some, ())
+        assert (beside is not None) is taken
