@@ -14,6 +14,7 @@ NOISE_RAD = 1e-3
 TIMES = np.arange(ROWS) * 0.05
 RANDOM = np.random.default_rng(3)
 TRACES = 1e-2 * RANDOM.standard_normal((ROWS, NUISANCES))
+TRACES[:, 1] += TRACES[:, 0]  # so that one stands in for the other where that may go no farther
 BENT = 1e-2 * RANDOM.standard_normal(ROWS)
 BOUNDS = (0.0, 4.0)
 REACH = 2.0

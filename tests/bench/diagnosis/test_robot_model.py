@@ -4,7 +4,7 @@ from walking_robots import believed, marvin, walked_with
 
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_fit import Sight
-from bench.diagnosis.robot_model import RobotModel
+from bench.diagnosis.robot_model import FARTHER, GRID, LARGER, LEAST_RAD, RobotModel
 from bench.diagnosis.robot_screen import Screen
 from bench.diagnosis.robot_search import NEEDED
 
@@ -44,6 +44,34 @@ def screened(model, r):
         for q in range(len(model.features))
     ]
     return Screen(model, dict(found.noise), left, which=[r])
+
+
+def test_a_curve_goes_farther_where_a_fit_has_come_to_its_end(model):
+    name = "payload@all"
+    end = GRID[-1] * model.first_z(name)
+    assert not model.widen(name, 0.9 * end)
+    assert model.widen(name, end)
+    assert not model.widen(name, end)
+    assert model.widen(name, FARTHER * end)
+
+
+def test_a_curve_ends_where_its_parameter_does(model):
+    name = "ground_tilt.roll@all"
+    high = model.placed[name].knob.bounds[1]
+    while model.widen(name, high):
+        pass
+    assert not model.widen(name, high)
+    assert model.widen(name, 3.0 * -model.first_z(name))
+
+
+def test_a_first_try_that_moves_nothing_is_made_larger_and_others_are_not(model):
+    moves, moves_nothing = "payload@all", "current_limit@coxa"
+    rows = model.first_trace(moves_nothing, 0)[RobotKind.JOINTS]
+    before = model.first_z(moves_nothing)
+    assert np.sqrt(np.mean((before * rows) ** 2)) < LEAST_RAD
+    model.enlarge([moves, moves_nothing], 0)
+    assert model.first_z(moves_nothing) == LARGER * before
+    assert model.first_z(moves) == model.placed[moves].first_z
 
 
 def test_recordings_of_one_motion_share_their_replays(model):
