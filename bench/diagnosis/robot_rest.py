@@ -2,7 +2,8 @@
 
 The misfit of the recordings that were fitted, joint by joint over the phase of the gait, foretells
 that of the recordings that judge as far as it is structure and not noise. What two sound engines
-leave of one walk is structure as well: only more than that is called unexplained.
+leave of one walk is structure as well: only more than that is called unexplained. So is a rest far
+beyond what engines differ by, foretold or not.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from .robot_model import ENGINES_RAD, RobotModel
 
 Floats = NDArray[np.float64]
 
-MORE = (
-    1.0  #: times what engines differ by, from which structure is called unexplained; nulls have 0.5
-)
+#: times what engines differ by, from which structure is called unexplained; nulls have 0.5
+MORE = 1.0
+MISFIT = 3.0  #: times the same that a rest may be before it is unexplained, foretold or not
 SHARE = 0.15  #: of the squared rest that must be foretold
 AGREEING = 0.6  #: of the recordings that must agree
 
@@ -41,7 +42,7 @@ class Rest:
     @property
     def structured(self) -> bool:
         """Whether it must be called unexplained."""
-        return (
+        return self.rms_rad > MISFIT * ENGINES_RAD or (
             self.predicted_rad > MORE * ENGINES_RAD
             and self.share > SHARE
             and self.agreeing >= AGREEING

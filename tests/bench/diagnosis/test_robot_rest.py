@@ -8,7 +8,7 @@ import pytest
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_model import ENGINES_RAD
-from bench.diagnosis.robot_rest import MORE, rest_of
+from bench.diagnosis.robot_rest import MISFIT, MORE, rest_of
 
 JOINTS = [f"leg{n}.{part}" for n in (1, 2) for part in ("coxa", "femur", "tibia")]
 BINS = 24
@@ -73,7 +73,7 @@ def test_what_two_engines_leave_is_not_called_unexplained():
 
 
 def test_structure_that_other_recordings_deny_is_none():
-    values = [noise(1) + structure(4.0 * MORE), noise(2) - structure(4.0 * MORE)]
+    values = [noise(1) + structure(2.0 * MORE), noise(2) - structure(2.0 * MORE)]
     assert not rest_of(Left(*values), FOUND, [0], [1]).structured
 
 
@@ -86,3 +86,11 @@ def test_what_follows_a_term_is_told_by_it():
 
 def test_a_recording_without_another_of_its_kind_foretells_nothing():
     assert rest_of(Left(noise(1) + structure(9.0)), FOUND, [0], [0]).predicted_rad == 0.0
+
+
+def test_a_rest_far_beyond_what_engines_differ_by_is_unexplained_though_nothing_foretells_it():
+    for times, unexplained in ((0.9, False), (1.1, True)):
+        values = [noise(seed, times * MISFIT * ENGINES_RAD) for seed in (1, 2, 3)]
+        rest = rest_of(Left(*values), FOUND, [0, 1], [2])
+        assert rest.share < 0.1
+        assert rest.structured is unexplained
