@@ -148,6 +148,15 @@ def test_a_centre_beside_the_link_turns_the_links_weight_and_leaves_the_payload(
     assert along > 0.0
 
 
+def test_a_link_that_hangs_askew_turns_as_a_whole():
+    askew, x = 0.7, 0.01
+    bare = replace(candidate(), load=Load.pendulum(1e-3, 0.1, askew, 0.1), payload=None)
+    turned = by_name("centre").change(bare, x).load
+    wanted = Load.pendulum(1e-3, 0.1, askew + x, 0.1)
+    assert turned.sine_nm == pytest.approx(wanted.sine_nm, rel=1e-3)
+    assert turned.cosine_nm == pytest.approx(wanted.cosine_nm, rel=1e-3)
+
+
 def test_the_nearer_a_centre_of_mass_the_more_its_tolerance_means():
     drive = Section(robot().path, "", robot().document).section("drive").section("XL330-M288")
     near, far, unknown = (
