@@ -102,7 +102,7 @@ def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], 
     """Where what is named moves a robot, as ``diagnosis.json`` has it, the largest share first.
 
     ``by`` is how far it moves the rows of recordings. That it is there at all is shown by all of
-    them together: ``p_value`` is only that of the place, and may be any.
+    them together: where no place tells it alone, all are told, and ``p_value`` may be any.
     """
     places = Places(model, by)
     rows = []
@@ -111,4 +111,5 @@ def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], 
         row = places.row([k for k in keys if places.level(k) >= LEAST * most])
         if row["share"] >= WORTH:
             rows.append(row)
-    return tuple(sorted(rows, key=lambda row: -float(row["share"])))
+    telling = [row for row in rows if row["p_value"] < SIGNIFICANT]
+    return tuple(sorted(telling or rows, key=lambda row: -float(row["share"])))

@@ -86,3 +86,12 @@ def test_joints_that_a_named_effect_hardly_moves_are_not_told():
     assert place["joints"] == ["leg2.tibia"]
     (place,) = shifted(0.01 * np.maximum(one, 1.1 * np.sqrt(LEAST) * others))
     assert len(place["joints"]) == 3
+
+
+def test_of_places_that_a_named_effect_moves_those_that_tell_it_alone_are_told():
+    much = 4.0 * NOISE_RAD * (rows_of(["leg2.tibia"]) & ~STANCE)
+    little = NOISE_RAD * (rows_of(["leg1.femur"]) & STANCE)
+    (place,) = shifted(much + little)
+    assert place["joints"] == ["leg2.tibia"]
+    first, second = shifted(much + 3.0 * little)
+    assert (first["joints"], second["joints"]) == (["leg2.tibia"], ["leg1.femur"])
