@@ -208,7 +208,7 @@ class RobotModel:
             Job(m, ((name, z),), short=True)
             for m in (sorted(set(self.motion)) if motions is None else motions)
             for name in names
-            for z in ([self.first_z(name)] if first_only else self._grid(name))
+            for z in (self.tries(name) if first_only else self._grid(name))
         ]
         self.replays.run(jobs)
 
@@ -216,8 +216,15 @@ class RobotModel:
         """The knob of an effect's first try."""
         return self._first.get(name, self.placed[name].first_z)
 
-    def enlarge(self, names: Sequence[str], m: int) -> None:
-        """Make first tries larger that move nothing of a motion, and replay those."""
+    def tries(self, name: str) -> list[float]:
+        """Knobs at which an effect is screened: its first try, and of one sign a large one."""
+        first, (low, high) = self.first_z(name), self.placed[name].knob.bounds
+        large = min(high, GRID[-1] * first)
+        return [first, large] if low >= 0.0 and large > first else [first]
+
+    def enlarge(self, names: Sequence[str], motions: Sequence[int]) -> None:
+        """Make first tries larger that move nothing of the first of some motions; replay those."""
+        m = motions[0]
         for name in names:
             larger = min(self.placed[name].knob.bounds[1], LARGER * self.placed[name].first_z)
             if name in self._first or larger <= self.first_z(name):
@@ -226,7 +233,7 @@ class RobotModel:
             moved = rows[RobotKind.JOINTS] - self._plain[m][RobotKind.JOINTS]
             if np.sqrt(np.mean(moved**2)) < LEAST_RAD:
                 self._first[name] = larger
-        self.prepare(names, first_only=True, motions=[m])
+        self.prepare(names, first_only=True, motions=motions)
 
     def widen(self, name: str, z: float) -> bool:
         """Let the curve of an effect go farther, if a knob has come to its end; whether it does."""
@@ -249,9 +256,8 @@ class RobotModel:
         inside = [min(high, max(low, z)) for z in (*both, *self._beyond.get(name, ()))]
         return sorted({z for z in inside if z != 0.0})
 
-    def first_trace(self, name: str, m: int) -> Rows:
-        """What an effect does to a motion at its first try, for one unit of its knob."""
-        z = self.first_z(name)
+    def trace_at(self, name: str, z: float, m: int) -> Rows:
+        """What an effect does to a motion at a value of its knob, for one unit of it."""
         (rows,) = self._run([Job(m, ((name, z),), short=True)])
         return {
             kind: np.nan_to_num((rows[kind] - base) / z) for kind, base in self._plain[m].items()

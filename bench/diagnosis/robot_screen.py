@@ -1,14 +1,15 @@
 """Which effects could explain a whole robot's misfit, and which of them look alike.
 
-Every effect at every place is replayed once. Its trace, whitened, with all that nuisances could do
-instead taken out, is held against the residual; the angle between two such traces says whether the
-data can tell the two apart.
+Every effect at every place is replayed at a small size and, if it has one sign, at a large one: a
+spring that doubles its give does far more than twice as much. Its trace, whitened, with all that
+nuisances could do instead taken out, is held against the residual; the angle between two such
+traces says whether the data can tell the two apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +74,7 @@ class Screen:
         self._weight = huber_weight(self.residual)
         normal = (nuisances * self._weight[:, None]).T @ nuisances + np.eye(nuisances.shape[1])
         self._solve = np.linalg.inv(normal)
-        self._traces: dict[str, Floats] = {}
+        self._traces: dict[tuple[str, float], Floats] = {}
         for name in already:  # nor what they could do
             self._project(name)
 
@@ -105,16 +106,24 @@ class Screen:
         return float(wa @ b - (self._nuisances.T @ wa) @ self._solve @ (self._nuisances.T @ wb))
 
     def trace(self, name: str) -> Floats:
-        """An effect's whitened trace, for one unit of its knob."""
-        if name not in self._traces:
+        """An effect's whitened trace at its first try, for one unit of its knob."""
+        return self._trace(name, self._model.first_z(name))
+
+    def _trace(self, name: str, at: float) -> Floats:
+        if (name, at) not in self._traces:
             model = self._model
-            rows = [model.first_trace(name, model.motion[r]) for r in self._which]
-            self._traces[name] = self._whitened(rows)[:, 0]
-        return self._traces[name]
+            rows = [model.trace_at(name, at, model.motion[r]) for r in self._which]
+            self._traces[name, at] = self._whitened(rows)[:, 0]
+        return self._traces[name, at]
 
     def one(self, name: str) -> Screened:
-        """Screen one effect."""
-        trace = self.trace(name)
+        """Screen one effect: at the size that explains most."""
+        tried = [self._one(name, at) for at in self._model.tries(name)]
+        floor = min(one.floor_z for one in tried)
+        return replace(max(tried, key=lambda one: one.gain_nats), floor_z=floor)
+
+    def _one(self, name: str, at: float) -> Screened:
+        trace = self._trace(name, at)
         size = self._inner(trace, trace)
         if size <= 1e-12:
             return Screened(name, 0.0, 0.0, float("inf"))
@@ -130,7 +139,7 @@ class Screen:
         wanted = list(names)
         motions = sorted({self._model.motion[r] for r in self._which})
         self._model.prepare(wanted, first_only=True, motions=motions)
-        self._model.enlarge(wanted, motions[0])
+        self._model.enlarge(wanted, motions)
         return sorted((self.one(name) for name in wanted), key=lambda s: -s.gain_nats)
 
     def cosine(self, one: str, other: str) -> float:

@@ -66,12 +66,25 @@ def test_a_curve_ends_where_its_parameter_does(model):
 
 def test_a_first_try_that_moves_nothing_is_made_larger_and_others_are_not(model):
     moves, moves_nothing = "payload@all", "current_limit@coxa"
-    rows = model.first_trace(moves_nothing, 0)[RobotKind.JOINTS]
     before = model.first_z(moves_nothing)
+    rows = model.trace_at(moves_nothing, before, 0)[RobotKind.JOINTS]
     assert np.sqrt(np.mean((before * rows) ** 2)) < LEAST_RAD
-    model.enlarge([moves, moves_nothing], 0)
+    model.enlarge([moves, moves_nothing], [0])
     assert model.first_z(moves_nothing) == LARGER * before
     assert model.first_z(moves) == model.placed[moves].first_z
+
+
+def test_what_has_one_sign_is_screened_at_a_large_size_too_and_the_better_is_told(model):
+    name = "joint_compliance@all"
+    first = model.first_z(name)
+    assert model.tries(name) == [first, GRID[-1] * first]
+    assert model.tries("ground_tilt.roll@all") == [model.first_z("ground_tilt.roll@all")]
+    screen = screened(model, SOFT)
+    small, large = (screen._one(name, at) for at in model.tries(name))
+    told = screen.one(name)
+    assert told.gain_nats == max(small.gain_nats, large.gain_nats)
+    assert small.gain_nats != large.gain_nats
+    assert told.floor_z == min(small.floor_z, large.floor_z)
 
 
 def test_recordings_of_one_motion_share_their_replays(model):
