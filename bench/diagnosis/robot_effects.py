@@ -1,4 +1,4 @@
-"""Effects of a whole robot, place by place: on all joints, on one kind, on one leg.
+"""Effects of a whole robot, place by place: all joints, one kind or the two that carry it, a leg.
 
 Each is an effect of the catalogue narrowed to one number: a name like ``joint_compliance@tibia`` or
 ``com_offset.y@trunk`` says which effect, which of its parameters if it has several that act alone,
@@ -32,6 +32,7 @@ OUTSIDE = frozenset(
     }
 )
 EVERYWHERE = "all"
+CARRYING = ("femur", "tibia")  #: joints with level axes, which carry the robot; gears wear in both
 #: ``z`` of a first try, where the unit is far from what one meets
 FIRST = {"roll_rad": 0.1, "yaw_rad": 0.3, "resistance_ohm": 2.0}
 
@@ -98,9 +99,11 @@ def _places(kind: Effect, robot: PhysicalRobot) -> list[tuple[str, tuple[str, ..
         return trunk + [(s, _ending(names, s)) for s in SEGMENTS]
     else:
         return [(EVERYWHERE, ())]
+    carrying = [("+".join(CARRYING), tuple(n for s in CARRYING for n in _ending(names, s)))]
     return [
         (EVERYWHERE, ()),
         *((s, _ending(names, s)) for s in SEGMENTS),
+        *(carrying if kind.group is Group.GEAR else ()),
         *((leg, tuple(n for n in names if n.startswith(f"{leg}."))) for leg in legs),
     ]
 

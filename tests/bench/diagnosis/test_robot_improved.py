@@ -105,3 +105,11 @@ def test_an_effect_at_a_value_of_its_knob_is_what_was_replayed(name):
     z = 2.0 * known[name].first_z
     added = of_settings(known, ((name, z),), TOLD)
     assert with_all(believed(), added) == known[name].apply(believed(), known[name].knob.value(z))
+
+
+def test_gears_are_looked_at_in_the_joints_that_carry_the_robot_together():
+    known = placed_effects(believed())
+    carrying = [j.name for j in believed().joints if j.segment != "coxa"]
+    assert sorted(known["joint_compliance@femur+tibia"].where) == sorted(carrying)
+    assert "backlash@femur+tibia" in known
+    assert "coulomb_friction@femur+tibia" not in known
