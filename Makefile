@@ -21,7 +21,7 @@ demo: $(READY)
 	$(BIN)/busemu demo --robot $(ROBOT)
 
 test: $(READY)
-	$(BIN)/python -m pytest -q -n auto --dist loadfile -m 'not slow and not pty'
+	$(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0 -m 'not slow and not pty'
 	$(BIN)/python -m pytest -q -m 'not slow and pty'
 
 slow: $(READY)
