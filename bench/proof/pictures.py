@@ -69,7 +69,7 @@ def power(cases: Sequence[Judged]) -> Figure:
     top.set_title("All single effects")
     top.set_xlabel("size / detection floor")
     if singles:
-        top.legend(loc="center left", bbox_to_anchor=(0.0, 0.72))
+        top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
     for i, name in enumerate(names):
         axes = figure.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
         own = [c for c in singles if c.hidden == (name,)]
