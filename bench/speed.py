@@ -33,6 +33,7 @@ Row = list[str]
 US = 1e6
 #: A client reads for so long at most [s].
 READ_S = 6.0
+READS = "--read"  #: asks this module to be that client, of a robot on a port
 
 ECHO = """
 import os, sys, tty
@@ -246,7 +247,7 @@ def lateness() -> list[Row]:
         plant = BulletPlant(robot)
         prepare_process()
         bus = assemble(robot, plant, load_profile(robot.timing), start_s=time.monotonic())
-        client = subprocess.Popen([sys.executable, "-m", "bench.speed", name, port.path])
+        client = subprocess.Popen([sys.executable, "-m", "bench.speed", READS, name, port.path])
 
         def stop(state: ServerState, client: subprocess.Popen[bytes] = client) -> None:
             if client.poll() is not None:
@@ -328,7 +329,9 @@ def read_for_a_while(name: str, path: str) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        read_for_a_while(*sys.argv[1:])
+    if sys.argv[1:2] == [READS]:
+        read_for_a_while(*sys.argv[2:])
+    elif len(sys.argv) > 1:
+        sys.exit(f"{__doc__}\nIt takes no arguments, half a minute, and a machine that is idle.")
     else:
         main()
