@@ -278,6 +278,21 @@ def _fitted(
     return best
 
 
+def bounded_step(
+    system: Floats, slope: Floats, z: Floats, box: tuple[Floats, Floats], method: str = "trf"
+) -> Floats:
+    """The step from ``z`` within a box of the least of ``x system x / 2 + slope x``.
+
+    ``method`` is that of :func:`scipy.optimize.lsq_linear`. Raises ``numpy.linalg.LinAlgError`` for
+    a system that is not positive definite.
+    """
+    root = np.linalg.cholesky(system).T
+    wanted = np.linalg.solve(root.T, -slope)
+    ends = box[0] - z - 1e-9, box[1] - z + 1e-9
+    step: Floats = lsq_linear(root, wanted, ends, method=method).x
+    return step
+
+
 def least_squares(
     model: JointModel,
     hypothesis: Hypothesis,
@@ -311,9 +326,7 @@ def least_squares(
         for factor in DAMPINGS:
             system = normal + np.diag(damping * factor * scale)
             try:
-                root = np.linalg.cholesky(system).T
-                wanted = np.linalg.solve(root.T, -slope)
-                step = lsq_linear(root, wanted, (box[0] - z - 1e-9, box[1] - z + 1e-9)).x
+                step = bounded_step(system, slope, z, box)
             except np.linalg.LinAlgError:  # too near singular: only more damping helps
                 continue
             tried.append(np.clip(z + step, *box))

@@ -15,10 +15,9 @@ from .search import Gain, Progress, confirm, drop, screen
 
 TRIED = 3  #: rivals that are fitted in an effect's place
 CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
-NONE = 0.03  #: that nothing of the catalogue is the cause, however well it fits; assumed
-#: the same for one joint, whose nuisances can do much: never less than the first; where a gain is
-#: faint, more, by the second, fading with the third [nats]. Fitted by eye to 66 names of two proofs
-#: that were opened: true were 2 of 8 below 60 nats, 22 of 30 from 60 to 300, 26 of 28 beyond
+#: that nothing of the catalogue is the cause: never less than the first; where a gain is faint,
+#: more, by the second, fading with the third [nats]. Of one joint, fitted by eye to 66 names of two
+#: proofs that were opened: true were 2 of 8 below 60 nats, 22 of 30 from 60 to 300, 26 of 28 beyond
 NONE_LEAST, NONE_FAINT, FAINT_NATS = 0.07, 0.6, 60.0
 TEMPER = 0.5  #: of gains, when they become probabilities: see docs on power
 
@@ -71,8 +70,7 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
     own = named.counted(scale) - named.unlikely
     behind = {g.effect: own - (g.counted(scale) - g.unlikely) for g in tried}
-    none = NONE_LEAST + NONE_FAINT * float(np.exp(-max(0.0, own) / FAINT_NATS))
-    probability, others = chances(own, behind, none)
+    probability, others = chances(own, behind)
     close = [
         Rival(other, (model.observed[0].joint,), others[other], nats)
         for other, nats in behind.items()
@@ -81,14 +79,12 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     return probability, sorted(close, key=lambda r: r.behind_nats)
 
 
-def chances(
-    own_nats: float, behind_nats: Mapping[str, float], none: float = NONE
-) -> tuple[float, dict[str, float]]:
+def chances(own_nats: float, behind_nats: Mapping[str, float]) -> tuple[float, dict[str, float]]:
     """Probability of an effect, and of others that are so far behind it in its place.
 
-    All gains [nats] are deflated. What is left to 1 is that of nothing in the catalogue, of which
-    ``none`` is there however well an effect fits.
+    All gains [nats] are deflated. What is left to 1 is that of nothing in the catalogue.
     """
+    none = NONE_LEAST + NONE_FAINT * float(np.exp(-max(0.0, own_nats) / FAINT_NATS))
     weights = {o: float(np.exp(-TEMPER * max(0.0, b))) for o, b in behind_nats.items()}
     total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, own_nats)))
     total /= 1.0 - none

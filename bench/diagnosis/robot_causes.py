@@ -8,7 +8,7 @@ import numpy as np
 
 from .confidence import NORMAL, estimate, state
 from .result import Cause, Estimate, Rival
-from .rivals import CLOSE, FAINT_NATS, NONE_FAINT, NONE_LEAST, chances
+from .rivals import CLOSE, chances
 from .robot_effects import Placed
 from .robot_fit import RobotFit
 from .robot_model import RobotModel
@@ -60,8 +60,7 @@ def _rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> tuple[f
     for name, cosine in found.alike.get(gain.name, ()):
         if name not in known:  # what is left of a trace beside another is not taken by it
             seen(name, gain.deflated * (1.0 - cosine**2))
-    none = NONE_LEAST + NONE_FAINT * float(np.exp(-max(0.0, gain.deflated) / FAINT_NATS))
-    own, others = chances(gain.deflated, {other: nats for other, (nats, _) in behind.items()}, none)
+    own, others = chances(gain.deflated, {other: nats for other, (nats, _) in behind.items()})
     close = [
         Rival(other, scope_of(model.placed[name], model), others[other], nats)
         for other, (nats, name) in behind.items()

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from .confidence import sandwich, stretches
+from .fit import bounded_step
 from .noise import Noise, cost, estimate, huber_weight, whiten
 from .robot_features import RobotKind
 from .robot_model import RobotBlocks, RobotModel
@@ -149,9 +149,7 @@ class Sight:
             weight = huber_weight(residual)
             normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior + 1e-9)
             slope = jacobian.T @ (weight * residual) + prior * z
-            root = np.linalg.cholesky(normal).T
-            wanted = np.linalg.solve(root.T, -slope)
-            way = lsq_linear(root, wanted, (low - z - 1e-9, high - z + 1e-9), method="bvls").x
+            way = bounded_step(normal, slope, z, (low, high), "bvls")
             gained = 0.0
             for share in SHORTER:
                 tried = np.clip(z + share * way, low, high)

@@ -137,19 +137,19 @@ def _denied(
         say(f"{gain.effect} on recordings that were not used to fit")
         without, *_ = drop(model, after, gain.effect)
         harm = inside(judge, without, after, floors).harm
-        squares, fitted = (
-            [
-                block_rms(m.residuals(f.hypothesis, [f.z])[0], Kind.POSITION) ** 2
-                for f in (without, after)
-            ]
-            for m in (judge, model)
-        )
-        worse = squares[1] > WORSE * squares[0]
-        if harm > HARM and worse and squares[1] - squares[0] > SPOILT * (fitted[0] - fitted[1]):
+        spoilt = _square(judge, after) - _square(judge, without)
+        mended = _square(model, without) - _square(model, after)
+        worse = spoilt > (WORSE - 1.0) * _square(judge, without)
+        if harm > HARM and worse and spoilt > SPOILT * mended:
             harms.append((harm, gain))
     if not harms:
         return None
     return Denied(max(harms, key=lambda pair: pair[0])[1], HARMFUL)
+
+
+def _square(model: JointModel, found: Fit) -> float:
+    """Mean square of the positions that a fit leaves [rad^2]."""
+    return block_rms(model.residuals(found.hypothesis, [found.z])[0], Kind.POSITION) ** 2
 
 
 def _unsure(

@@ -16,7 +16,7 @@ from bench.diagnosis.confidence import (
 )
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.result import verdict_of
-from bench.diagnosis.rivals import NONE, chances
+from bench.diagnosis.rivals import NONE_FAINT, NONE_LEAST, chances
 from sim.effects import effect
 
 (KNOB,) = effect_knobs(effect("viscous_friction"))
@@ -86,17 +86,17 @@ def test_a_prior_alone_keeps_the_variance_it_states():
 
 def test_chances_leave_something_to_what_is_in_no_catalogue():
     sure, others = chances(1e3, {})
-    assert sure == pytest.approx(1.0 - NONE)
+    assert sure == pytest.approx(1.0 - NONE_LEAST)
     assert others == {}
     own, others = chances(1e3, {"equal": 0.0, "ahead": -5.0, "far": 1e3})
     assert own == others["equal"] == others["ahead"]
-    assert own + sum(others.values()) == pytest.approx(1.0 - NONE)
+    assert own + sum(others.values()) == pytest.approx(1.0 - NONE_LEAST)
     assert others["far"] == pytest.approx(0.0)
 
 
 def test_what_gains_nothing_is_as_likely_as_no_effect_at_all():
     own, _ = chances(0.0, {})
-    assert own == pytest.approx(0.5 * (1.0 - NONE))
+    assert own == pytest.approx(0.5 * (1.0 - NONE_LEAST - NONE_FAINT))
 
 
 @pytest.mark.parametrize(

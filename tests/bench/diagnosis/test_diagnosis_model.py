@@ -219,7 +219,7 @@ def test_a_fit_stays_within_bounds(null):
 
 
 def test_a_system_too_near_singular_is_met_with_more_damping(null, monkeypatch):
-    solve, calls = fit_module.lsq_linear, []
+    solve, calls = fit_module.bounded_step, []
 
     def stubborn(*args):
         calls.append(args)
@@ -227,7 +227,7 @@ def test_a_system_too_near_singular_is_met_with_more_damping(null, monkeypatch):
             raise np.linalg.LinAlgError
         return solve(*args)
 
-    monkeypatch.setattr(fit_module, "lsq_linear", stubborn)
+    monkeypatch.setattr(fit_module, "bounded_step", stubborn)
     start = np.full(len(null.nuisances), 0.7)
     found = fit(null, Hypothesis(), start)
     assert len(calls) > len(DAMPINGS)
