@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from busemu.tables import Robot
 from sim.tree import PhysicalRobot
 
 from .journal import Journal
 from .noise import Block
+from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
 from .robot_features import Features, RobotKind
 from .robot_nuisances import RobotNuisance, nuisances, replayable, trials
@@ -33,15 +33,10 @@ Settings = tuple[tuple[str, float], ...]  #: placed effects and values of their 
 RobotBlocks = dict[tuple[int, RobotKind], Block]
 
 JITTERS = 3  #: replays with a slightly other start, for the spread of replays
-GRID = (0.3, 1.0, 3.0, 8.0)  #: of a knob, in first tries, at which an effect is replayed
-FARTHER = 2.5  #: times the last of them that is replayed next, where a fit has come to the end
-LARGER = 8.0  #: times a first try that moves nothing, which is tried next
-LEAST_RAD = 0.3e-3  #: RMS of joint rows below which it moves nothing that one could compare
 #: what two engines leave of the same walk when nuisances are fitted: nothing is said of less, as
 #: reality is no nearer to one of them; source: measured, docs/explanation/two-engines.md
 ENGINES_RAD = 1.0e-3
 HEIGHT_FLOOR_M = 2e-4  #: of an observer's height; assumed of motion capture
-Rows = dict[RobotKind, Floats]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,12 +88,10 @@ class RobotModel:
         self._like = _alike(self.features, self.motion, judging)
         self.replays = Replays(robot, self.features, self.nuisances, processes, journal)
         self._joints = [joint.name for joint in base.joints]
-        self._curves: dict[tuple[str, int], PchipInterpolator] = {}
-        self._first: dict[str, float] = {}  #: first tries that were too small, as they are now
-        self._beyond: dict[str, list[float]] = {}  #: knobs that were replayed beyond the grid
         say("replaying the recordings")
         self.centre: list[Rows] = self._run([Job(r) for r in self._every])
         self._plain = {m: self._run([Job(m, short=True)])[0] for m in sorted(set(self.motion))}
+        self.curves = Curves(self.placed, self._plain, self._run)
         nothing: Settings = ()
         zero = np.zeros(len(self.nuisances))
         self._centred_on: list[tuple[Settings, Floats]] = [(nothing, zero)] * len(self.features)
@@ -197,107 +190,11 @@ class RobotModel:
             floors[RobotKind.HEIGHT] = HEIGHT_FLOOR_M
         return floors
 
-    def prepare(
-        self,
-        names: Sequence[str],
-        first_only: bool = False,
-        motions: Sequence[int] | None = None,
-    ) -> None:
-        """Replay effects at the values of their curves (or at the first try only)."""
-        jobs = [
-            Job(m, ((name, z),), short=True)
-            for m in (sorted(set(self.motion)) if motions is None else motions)
-            for name in names
-            for z in (self.tries(name) if first_only else self._grid(name))
-        ]
-        self.replays.run(jobs)
-
-    def first_z(self, name: str) -> float:
-        """The knob of an effect's first try."""
-        return self._first.get(name, self.placed[name].first_z)
-
-    def tries(self, name: str) -> list[float]:
-        """Knobs at which an effect is screened: its first try, and of one sign a large one."""
-        first, (low, high) = self.first_z(name), self.placed[name].knob.bounds
-        large = min(high, GRID[-1] * first)
-        return [first, large] if low >= 0.0 and large > first else [first]
-
-    def enlarge(self, names: Sequence[str], motions: Sequence[int]) -> None:
-        """Make first tries larger that move nothing of the first of some motions; replay those."""
-        m = motions[0]
-        for name in names:
-            larger = min(self.placed[name].knob.bounds[1], LARGER * self.placed[name].first_z)
-            if name in self._first or larger <= self.first_z(name):
-                continue
-            (rows,) = self._run([Job(m, ((name, self.first_z(name)),), short=True)])
-            moved = rows[RobotKind.JOINTS] - self._plain[m][RobotKind.JOINTS]
-            if np.sqrt(np.mean(moved**2)) < LEAST_RAD:
-                self._first[name] = larger
-        self.prepare(names, first_only=True, motions=motions)
-
-    def widen(self, name: str, z: float) -> bool:
-        """Let the curve of an effect go farther, if a knob has come to its end; whether it does."""
-        grid = self._grid(name)
-        low, high = self.placed[name].knob.bounds
-        end = grid[-1] if z > 0.0 else grid[0]
-        farther = min(high, max(low, FARTHER * end))
-        if abs(z) < 0.98 * abs(end) or z * end <= 0.0 or farther == end:
-            return False
-        self._beyond.setdefault(name, []).append(farther)
-        for key in [key for key in self._curves if key[0] == name]:
-            del self._curves[key]
-        return True
-
-    def _grid(self, name: str) -> list[float]:
-        low, high = self.placed[name].knob.bounds
-        sizes = [self.first_z(name) * x for x in GRID]
-        middle = sizes[1:3]
-        both = [-z for z in reversed(middle)] + middle if low < 0.0 else sizes
-        inside = [min(high, max(low, z)) for z in (*both, *self._beyond.get(name, ()))]
-        return sorted({z for z in inside if z != 0.0})
-
-    def trace_at(self, name: str, z: float, m: int) -> Rows:
-        """What an effect does to a motion at a value of its knob, for one unit of it."""
-        (rows,) = self._run([Job(m, ((name, z),), short=True)])
-        return {
-            kind: np.nan_to_num((rows[kind] - base) / z) for kind, base in self._plain[m].items()
-        }
-
-    def _curve(self, name: str, m: int) -> PchipInterpolator:
-        """What an effect does to a motion against its knob: all kinds' rows after each other."""
-        key = (name, m)
-        if key not in self._curves:
-            self.prepare([name], motions=[m])
-            zs = [0.0]
-            values = [np.zeros(sum(len(v) for v in self._plain[m].values()))]
-            base = np.concatenate(list(self._plain[m].values()))
-            for z in self._grid(name):
-                (rows,) = self._run([Job(m, ((name, z),), short=True)])
-                moved = np.concatenate(list(rows.values())) - base
-                if np.isfinite(moved).any():
-                    zs.append(z)
-                    values.append(np.nan_to_num(moved))
-            order = np.argsort(zs)
-            self._curves[key] = PchipInterpolator(
-                np.array(zs)[order], np.array(values)[order], axis=0, extrapolate=True
-            )
-        return self._curves[key]
-
-    def _effects(self, m: int, settings: Sequence[tuple[str, float]]) -> Rows:
-        """What effects together do to a motion, as the curves have it."""
-        base = self._plain[m]
-        total = np.zeros(sum(len(v) for v in base.values()))
-        for name, z in settings:
-            curve = self._curve(name, m)
-            total += curve(np.clip(z, curve.x[0], curve.x[-1]))
-        ends = np.cumsum([len(v) for v in base.values()])[:-1]
-        return dict(zip(base, np.split(total, ends), strict=True))
-
     def modelled(self, settings: Sequence[tuple[str, float]], z: Floats, r: int) -> Rows:
         """Rows of a recording under effects and nuisances."""
         m = self._like[r]
         middle, centre = self._centred_on[r]
-        now, then = self._effects(m, settings), self._effects(m, middle)
+        now, then = self.curves.effects(m, settings), self.curves.effects(m, middle)
         away = z - centre
         return {
             kind: rows + now[kind] - then[kind] + self.traces[r][kind] @ away

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .noise import Noise, huber_weight, whiten
+from .robot_curves import Rows
 from .robot_features import RobotKind
-from .robot_model import RobotModel, Rows
+from .robot_model import RobotModel
 
 Floats = NDArray[np.float64]
 
@@ -107,18 +108,18 @@ class Screen:
 
     def trace(self, name: str) -> Floats:
         """An effect's whitened trace at its first try, for one unit of its knob."""
-        return self._trace(name, self._model.first_z(name))
+        return self._trace(name, self._model.curves.first_z(name))
 
     def _trace(self, name: str, at: float) -> Floats:
         if (name, at) not in self._traces:
             model = self._model
-            rows = [model.trace_at(name, at, model.motion[r]) for r in self._which]
+            rows = [model.curves.trace_at(name, at, model.motion[r]) for r in self._which]
             self._traces[name, at] = self._whitened(rows)[:, 0]
         return self._traces[name, at]
 
     def one(self, name: str) -> Screened:
         """Screen one effect: at the size that explains most."""
-        tried = [self._one(name, at) for at in self._model.tries(name)]
+        tried = [self._one(name, at) for at in self._model.curves.tries(name)]
         floor = min(one.floor_z for one in tried)
         return replace(max(tried, key=lambda one: one.gain_nats), floor_z=floor)
 
@@ -138,8 +139,8 @@ class Screen:
         """Effects by what they gain, the most first."""
         wanted = list(names)
         motions = sorted({self._model.motion[r] for r in self._which})
-        self._model.prepare(wanted, first_only=True, motions=motions)
-        self._model.enlarge(wanted, motions)
+        self._model.curves.prepare(wanted, motions)
+        self._model.curves.enlarge(wanted, motions)
         return sorted((self.one(name) for name in wanted), key=lambda s: -s.gain_nats)
 
     def cosine(self, one: str, other: str) -> float:

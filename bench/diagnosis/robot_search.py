@@ -37,9 +37,8 @@ STRETCHED = 0.9  #: of what a tolerance may be, from which its effect is tried b
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
-EXACT = 3  #: of the best gains that are replayed exactly
 WIDENED = 3  #: times at most that a curve is made longer for a fit
-BEHIND = 0.5  #: of an exact gain that another must have, as curves have it, to be replayed as well
+KEPT = 0.8  #: of a promised gain that an exact replay must bear out for curves to be believed
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 
@@ -202,7 +201,7 @@ class RobotSearch:
         """A fit whose knobs are not at the ends of their curves, which are made longer."""
         found = self.sight.fit(names, start, noise)
         for _ in range(WIDENED):
-            longer = [name for name, z in found.settings if self.model.widen(name, z)]
+            longer = [name for name, z in found.settings if self.model.curves.widen(name, z)]
             if not longer:
                 break
             found = self.sight.fit(names, found.z, found.noise)
@@ -213,17 +212,16 @@ class RobotSearch:
     ) -> RobotGain | None:
         """The gain that exact replays bear out best; those take their places among the gains.
 
-        What stands for a tolerance at its end (``named``) is replayed whatever is before it.
+        What stands for a tolerance at its end (``named``) is replayed whatever curves promise;
+        what they promise is counted in full here.
         """
         plain, begun = self._left_out(now), self._whole_square(now)
         held: list[RobotGain] = []
-        for k in [k for k, gain in enumerate(gains) if k < EXACT or gain.name in named]:
-            gain = gains[k]
-            best = max((one.deflated for one in held), default=0.0)
-            if gain.deflated < max(NEEDED, BEHIND * best):
+        for k, gain in enumerate(gains):
+            if gain.nats < NEEDED and gain.name not in named:
                 continue
             self._say(f"replaying {gain.name} exactly")
-            exact = self.settle(gain.fit)
+            exact = self._exactly(gain)
             outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
             gains[k] = replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
             if self._holds(gains[k], now) and self._whole_square(exact) <= WORSE * begun:
@@ -233,6 +231,23 @@ class RobotSearch:
         fit = now if chosen is None else chosen.fit
         self.model.recentre(fit.settings, fit.nuisances, self.which)
         return chosen
+
+    def _exactly(self, gain: RobotGain) -> RobotFit:
+        """An effect's exact fit: from where curves led, or, if that disappoints, from a large try.
+
+        Curves know an effect with all else as believed. Of what changes a robot much, as a spring
+        of a tenth does, they know too little; replayed exactly there, the fit finds the way.
+        """
+        best = self.settle(gain.fit)
+        if best.cost < gain.fit.cost + (1.0 - KEPT) * gain.nats:
+            return best
+        _, *large = self.model.curves.tries(gain.name)
+        for z in large:
+            there = replace(gain.fit, z=np.append(gain.fit.z[:-1], z))
+            self.model.recentre(there.settings, there.nuisances, self.which)
+            found = self.settle(self._fit(there.names, there.z, there.noise))
+            best = min(best, found, key=lambda fit: fit.cost)
+        return best
 
     def _whole_square(self, found: RobotFit) -> float:
         """Mean square [rad^2] of a whole recording, standing up as well, which no fit has seen."""
@@ -278,7 +293,7 @@ class RobotSearch:
         placed, sight = self.model.placed[one.name], self.sight
         names = (*now.names, one.name)
         low, high = placed.knob.bounds
-        first = self.model.first_z(one.name)
+        first = self.model.curves.first_z(one.name)
         starts = {float(np.clip(side * first * x, low, high)) for x in TRIED for side in (-1, 1)}
         box = sight.box(names)
         wanted = sorted({*starts, one.z} - {0.0})

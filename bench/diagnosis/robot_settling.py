@@ -14,7 +14,7 @@ from .growing import RELIEF
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
 from .robot_improved import of_settings
-from .robot_judging import judge
+from .robot_judging import judge, rmse_rad
 from .robot_model import RobotModel
 from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
 
@@ -23,6 +23,14 @@ from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
 FITTED, JUDGED = 0.6, 1.8
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 NO_BETTER = "recordings that were not used to fit are no better with it"
+
+
+@dataclass(frozen=True, slots=True)
+class Squares:
+    """Mean squares of samples [rad^2]: of the steady part of recordings, and of all of them."""
+
+    steady: float
+    whole: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,8 +93,12 @@ class RobotJudges:
     def kept(
         self, found: RobotFindings, say: Progress
     ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
-        """Names that recordings which judge do not deny; the fit with them; those taken back."""
+        """Names that recordings which judge do not deny; the fit with them; those taken back.
+
+        All together may not make whole recordings worse, standing up and all.
+        """
         taken, now = list(found.taken), found.fit
+        begun = self.samples(found.base).whole if self.held_out and taken else 0.0
         rejected: list[Mapping[str, Any]] = []
         while taken and self.held_out:
             say("asking recordings that were not used to fit")
@@ -96,12 +108,12 @@ class RobotJudges:
             fits = {gain.name: self.without(found.base, now, gain.name) for gain in taken}
             relief = {
                 name: self.square(fit, self.judges) - with_all
-                if self.samples(fit) > samples
+                if self.samples(fit).steady > samples.steady
                 else -np.inf
                 for name, fit in fits.items()
             }
             worst = min(taken, key=lambda gain: relief[gain.name])
-            if relief[worst.name] > least:
+            if relief[worst.name] > least and samples.whole <= begun:
                 break
             rejected.append(
                 {
@@ -115,18 +127,15 @@ class RobotJudges:
             taken = [gain for gain in taken if gain is not worst]
         return taken, now, rejected
 
-    def samples(self, found: RobotFit) -> float:
-        """Mean square [rad^2] of samples of the steady part of recordings that judge."""
+    def samples(self, found: RobotFit) -> Squares:
+        """What a fit leaves of the samples of recordings that judge."""
         added = of_settings(self.model.placed, found.settings, "fitted")
         judged = judge(self.model, self.robot, found.nuisances, added, self.judges)
-        return float(
-            np.mean(
-                [
-                    self.model.features[r].steady_square(one.modelled_rad)
-                    for r, one in zip(self.judges, judged, strict=True)
-                ]
-            )
-        )
+        steady = [
+            self.model.features[r].steady_square(one.modelled_rad)
+            for r, one in zip(self.judges, judged, strict=True)
+        ]
+        return Squares(float(np.mean(steady)), rmse_rad(judged) ** 2)
 
     def without(self, base: RobotFit, now: RobotFit, name: str) -> RobotFit:
         """The fit without one effect, its replays as exact as those with it."""

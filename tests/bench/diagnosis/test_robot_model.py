@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked_with
 
+from bench.diagnosis.robot_curves import FARTHER, GRID, LARGER, LEAST_RAD
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_fit import Sight
-from bench.diagnosis.robot_model import FARTHER, GRID, LARGER, LEAST_RAD, RobotModel
+from bench.diagnosis.robot_model import RobotModel
 from bench.diagnosis.robot_screen import Screen
 from bench.diagnosis.robot_search import NEEDED
 
@@ -29,7 +30,7 @@ def model():
     ]
     known = ("zero", "centre", "tilt", "grip", "supply")
     with RobotModel(believed(), marvin(), courses, without=known, processes=1) as made:
-        made.prepare(TRIED, first_only=True)
+        made.curves.prepare(TRIED, sorted(set(made.motion)))
         yield made
 
 
@@ -48,39 +49,41 @@ def screened(model, r):
 
 def test_a_curve_goes_farther_where_a_fit_has_come_to_its_end(model):
     name = "payload@all"
-    end = GRID[-1] * model.first_z(name)
-    assert not model.widen(name, 0.9 * end)
-    assert model.widen(name, end)
-    assert not model.widen(name, end)
-    assert model.widen(name, FARTHER * end)
+    end = GRID[-1] * model.curves.first_z(name)
+    assert not model.curves.widen(name, 0.9 * end)
+    assert model.curves.widen(name, end)
+    assert not model.curves.widen(name, end)
+    assert model.curves.widen(name, FARTHER * end)
 
 
 def test_a_curve_ends_where_its_parameter_does(model):
     name = "ground_tilt.roll@all"
     high = model.placed[name].knob.bounds[1]
-    while model.widen(name, high):
+    while model.curves.widen(name, high):
         pass
-    assert not model.widen(name, high)
-    assert model.widen(name, 3.0 * -model.first_z(name))
+    assert not model.curves.widen(name, high)
+    assert model.curves.widen(name, 3.0 * -model.curves.first_z(name))
 
 
 def test_a_first_try_that_moves_nothing_is_made_larger_and_others_are_not(model):
     moves, moves_nothing = "payload@all", "current_limit@coxa"
-    before = model.first_z(moves_nothing)
-    rows = model.trace_at(moves_nothing, before, 0)[RobotKind.JOINTS]
+    before = model.curves.first_z(moves_nothing)
+    rows = model.curves.trace_at(moves_nothing, before, 0)[RobotKind.JOINTS]
     assert np.sqrt(np.mean((before * rows) ** 2)) < LEAST_RAD
-    model.enlarge([moves, moves_nothing], [0])
-    assert model.first_z(moves_nothing) == LARGER * before
-    assert model.first_z(moves) == model.placed[moves].first_z
+    model.curves.enlarge([moves, moves_nothing], [0])
+    assert model.curves.first_z(moves_nothing) == LARGER * before
+    assert model.curves.first_z(moves) == model.placed[moves].first_z
 
 
 def test_what_has_one_sign_is_screened_at_a_large_size_too_and_the_better_is_told(model):
     name = "joint_compliance@all"
-    first = model.first_z(name)
-    assert model.tries(name) == [first, GRID[-1] * first]
-    assert model.tries("ground_tilt.roll@all") == [model.first_z("ground_tilt.roll@all")]
+    first = model.curves.first_z(name)
+    assert model.curves.tries(name) == [first, GRID[-1] * first]
+    assert model.curves.tries("ground_tilt.roll@all") == [
+        model.curves.first_z("ground_tilt.roll@all")
+    ]
     screen = screened(model, SOFT)
-    small, large = (screen._one(name, at) for at in model.tries(name))
+    small, large = (screen._one(name, at) for at in model.curves.tries(name))
     told = screen.one(name)
     assert told.gain_nats == max(small.gain_nats, large.gain_nats)
     assert small.gain_nats != large.gain_nats

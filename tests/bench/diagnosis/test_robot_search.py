@@ -12,10 +12,9 @@ from bench.diagnosis.robot_nuisances import SAME, nuisances
 from bench.diagnosis.robot_screen import Screened
 from bench.diagnosis.robot_search import (
     A_KIND,
-    BEHIND,
     BESIDE,
     CONFIRMED,
-    EXACT,
+    KEPT,
     NEEDED,
     PROMISING,
     STRETCHED,
@@ -88,15 +87,26 @@ def test_a_tolerance_at_its_end_is_tried_by_name_and_no_other():
 class Exact(RobotSearch):
     """A search whose exact replays give the same gains; squares of whole recordings are given."""
 
-    def __init__(self, squares):
-        self.model = SimpleNamespace(recentre=lambda settings, z, which: 0.0)
+    def __init__(self, squares, large=(), found_there=0.0, borne_out=1.0):
+        curves = SimpleNamespace(tries=lambda name: [1.0, *large])
+        self.model = SimpleNamespace(recentre=self._recentre, curves=curves)
         self.which, self.squares, self.replayed = [0], squares, []
+        self.found_there = found_there  #: what is gained by a fit that begins at a large try
+        self.at, self.borne_out = [], borne_out
+
+    def _recentre(self, settings, z, which):
+        self.at = [z for _, z in settings]
 
     def _say(self, stage):
         self.replayed.append(stage.split()[1])
 
     def settle(self, found):
-        return found
+        borne_out = self.borne_out if found.z.max(initial=0.0) < 8.0 else 1.0
+        return replace(found, cost=borne_out * found.cost)
+
+    def _fit(self, names, start, noise):
+        assert self.at == list(start)  # replayed exactly where the fit begins
+        return RobotFit(names, start, noise, -self.found_there)
 
     def _left_out(self, found):
         return None
@@ -131,17 +141,32 @@ def test_what_makes_a_whole_recording_worse_is_not_taken_however_much_it_gains()
         assert holding(search, gains(30.0, 20.0)).name == taken
 
 
-def test_what_stands_for_a_tolerance_is_replayed_behind_all_others():
-    some = gains(*np.linspace(30.0, 20.0, EXACT + 2))
+def test_what_promises_enough_or_stands_for_a_tolerance_is_replayed():
+    some = gains(1.1 * NEEDED, 0.9 * NEEDED, 0.5 * NEEDED)
     search = Exact({})
     holding(search, some, {some[-1].name})
-    assert search.replayed == [f"effect{k}@all" for k in (*range(EXACT), EXACT + 1)]
+    assert search.replayed == ["effect0@all", "effect2@all"]
 
 
-def test_what_is_far_behind_an_exact_gain_is_not_replayed():
+def test_what_is_promised_is_not_divided_before_it_is_replayed():
+    (gain,) = gains(1.1 * NEEDED)
     search = Exact({})
-    holding(search, gains(100.0, 1.1 * 100.0 * BEHIND, 0.9 * 100.0 * BEHIND))
-    assert search.replayed == ["effect0@all", "effect1@all"]
+    assert holding(search, [replace(gain, inflation=5.0)]) is None
+    assert search.replayed == ["effect0@all"]
+
+
+@pytest.mark.parametrize("found_there", [5.0, 500.0])
+def test_where_curves_promised_too_much_a_fit_begins_at_the_large_try(found_there):
+    search = Exact({}, [8.0], found_there, borne_out=0.9 * KEPT)
+    taken = holding(search, gains(30.0))
+    assert taken.nats == max(0.9 * KEPT * 30.0, found_there)
+    assert taken.fit.z.tolist() == ([8.0] if found_there > 30.0 else [0.0])
+
+
+def test_where_curves_keep_what_they_promise_no_large_try_is_replayed():
+    search = Exact({}, [8.0], 500.0, borne_out=1.1 * KEPT)
+    assert holding(search, gains(30.0)).nats == pytest.approx(1.1 * KEPT * 30.0)
+    assert search.at == [0.0]
 
 
 def test_an_effect_beside_others_must_gain_more():

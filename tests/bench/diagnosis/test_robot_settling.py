@@ -9,7 +9,7 @@ import pytest
 from bench.diagnosis.growing import RELIEF
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_settling import FITTED, JUDGED, LITTLE, NO_BETTER, RobotJudges
+from bench.diagnosis.robot_settling import FITTED, JUDGED, LITTLE, NO_BETTER, RobotJudges, Squares
 
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
 FITS, JUDGES = (0, 1), (2,)
@@ -72,25 +72,27 @@ class Given(RobotJudges):
     __slots__ = ()
     phases: ClassVar = {}
     seen: ClassVar = {}
+    whole: ClassVar = {}
     floor_square = 1.0
 
     def square(self, found, which):
         return self.phases[found.names]
 
     def samples(self, found):
-        return self.seen[found.names]
+        return Squares(self.seen[found.names], self.whole[found.names])
 
     def without(self, base, now, name):
         left = tuple(other for other in now.names if other != name)
         return SimpleNamespace(names=left)
 
 
-def kept(phases, seen=None):
+def kept(phases, seen=None, whole=None):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
     own = Given(search, None, FITS, JUDGES, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
+    Given.whole = whole or Given.seen
     gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
@@ -119,6 +121,14 @@ def test_where_little_is_to_be_explained_a_name_must_take_away_some_of_the_floor
 
 def test_a_name_that_makes_samples_worse_goes_however_much_phases_gain():
     assert kept({(): 5.0, ("a",): 1.5}, {(): 5.0, ("a",): 5.1}) == ()
+
+
+def test_names_that_make_whole_recordings_worse_go_until_they_do_not():
+    squares = {(): 9.0, ("a",): 4.0, ("b",): 6.0, ("a", "b"): 1.5}
+    whole = {(): 9.0, ("a",): 8.9, ("b",): 9.1, ("a", "b"): 9.1}
+    assert kept(squares, whole=whole) == ("a",)
+    assert kept(squares, whole=whole | {("a",): 9.1}) == ()
+    assert kept(squares, whole=whole | {("a", "b"): 8.9}) == ("a", "b")
 
 
 def test_the_name_that_helps_least_goes_first_and_the_others_are_asked_again():
