@@ -27,6 +27,12 @@ def assemble(
 
     ``start_s`` is the clock's reading [s] at the plant's time zero.
     """
+    for table in robot.tables.values():
+        if not table.drive:
+            raise RobotError(
+                f"{robot.path}: {table.path} has no [drive], so it says what is on a bus and not "
+                "what a servo does: give it one, or extend a model (docs/reference/tables.md)"
+            )
     try:
         servos = [
             Servo(
@@ -40,10 +46,6 @@ def assemble(
         ]
     except ValueError as error:
         raise RobotError(f"{robot.path}: [bus] baud_rate: {error}") from None
-    except KeyError as error:
-        raise RobotError(
-            f"{robot.path}: the table of a servo lacks what a servo needs: {error.args[0]}"
-        ) from None
     return Bus(
         servos,
         plant,

@@ -105,7 +105,11 @@ class OperatingModes:
         return round(self._direction * position_rad / self._step_rad) + self._zero
 
     def _watchdog_error(self) -> bool:
-        return self._memory.count("bus_watchdog") < 0
+        return self._watchdog() < 0
+
+    def _watchdog(self) -> int:
+        """``bus_watchdog``: 0, which is off, for a servo that has none."""
+        return self._memory.count("bus_watchdog") if self._memory.has("bus_watchdog") else 0
 
     # -- down ---------------------------------------------------------------------------------
 
@@ -174,7 +178,7 @@ class OperatingModes:
 
     def _change_mode(self, state: ServoState, now_s: float) -> None:
         memory = self._memory
-        memory.reset(memory.table[name] for name in RESET_BY_MODE)
+        memory.reset(memory.table[name] for name in RESET_BY_MODE if name in memory.table)
         if self._mode == POSITION:
             self._home(state)
         self._reset_goals(state, now_s)
@@ -291,8 +295,7 @@ class OperatingModes:
     def idle(self, state: ServoState, now_s: float, silent_s: float) -> bool:
         """The watchdog: after too long without an instruction the servo stops."""
         memory = self._memory
-        watchdog = memory.count("bus_watchdog")
-        if watchdog <= 0 or not memory["torque_enable"]:
+        if self._watchdog() <= 0 or not memory["torque_enable"]:
             return False
         if silent_s <= memory.si("bus_watchdog"):
             return False

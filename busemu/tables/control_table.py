@@ -15,24 +15,14 @@ from types import MappingProxyType
 from typing import Any
 
 from .inherit import SERVOS, TableError, file_name, resolve
+from .needs import LAWS, lacking
 from .register import Register, registers_of_row
 from .shape import check_shape
+from .spelling import near
 from .toml_file import read_toml
 
 __all__ = ["ControlTable", "TableError", "load_table", "models", "parse_table"]
 
-#: How registers become a drive (``drive.law``), and the keys of ``drive`` that each needs.
-LAWS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "compliance": (),
-        "pid": ("p_gain_duty_per_rad", "i_gain_duty_per_rad_s", "d_gain_duty_s_per_rad"),
-        "operating_modes": (
-            "position_p_gain_duty_per_rad",
-            "position_i_gain_duty_per_rad_s",
-            "position_d_gain_duty_s_per_rad",
-        ),
-    }
-)
 #: Instructions that a model takes if its table does not say, by protocol. Source: e-manual,
 #: protocol1 and protocol2. Bulk read of Protocol 1.0 is for the MX series only.
 _INSTRUCTIONS_1 = ("ping", "read", "write", "reg_write", "action", "factory_reset", "sync_write")
@@ -46,6 +36,7 @@ KNOWN_INSTRUCTIONS = frozenset(
 )
 _KEYS = frozenset({"model", "model_number", "protocol", "source", "register", "baud_rates"})
 _OPTIONAL = frozenset({"drive", "instructions"})
+_MERGING = frozenset({"extends", "remove"})
 
 
 @dataclass(frozen=True)
@@ -132,7 +123,8 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
         raise TableError(f"{path}: missing {', '.join(sorted(missing))}")
     unknown = set(document) - _KEYS - _OPTIONAL
     if unknown:
-        raise TableError(f"{path}: unknown key {', '.join(sorted(unknown))}")
+        words = (key + near(key, _KEYS | _OPTIONAL | _MERGING) for key in sorted(unknown))
+        raise TableError(f"{path}: unknown key {', '.join(words)}")
     check_shape(document, path)
     protocol = document["protocol"]
     if protocol not in INSTRUCTIONS:
@@ -207,4 +199,9 @@ def _drive(
     for key in ("eeprom_locked_by", "shutdown_cuts"):
         if drive[key] not in registers:
             raise TableError(f"{path}: drive: {key} names no register: {drive[key]!r}")
+    absent = lacking(law, drive, registers)
+    if absent:
+        raise TableError(
+            f"{path}: a servo of law {law!r} needs these registers, too: {', '.join(absent)}"
+        )
     return dict(drive)

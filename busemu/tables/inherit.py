@@ -11,10 +11,11 @@ TOML file beside the one that says it. Then, from the base to the file:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from .spelling import near
 from .toml_file import read_toml
 
 SERVOS = Path(__file__).with_name("servos")
@@ -57,12 +58,7 @@ def _resolve(document: dict[str, Any], path: Path, seen: tuple[Path, ...]) -> di
         circle = " -> ".join(p.name for p in (*seen, base_path))
         raise TableError(f"{path}: extends itself: {circle}")
     base = _resolve(read_toml(base_path, TableError), base_path, (*seen, base_path.resolve()))
-    merged = _named_rows(base, base_path)
-    for name in removed:
-        if merged.pop(name, None) is None:
-            raise TableError(f"{path}: remove: {base_path.name} has no register {name!r}")
-    for name, row in rows.items():
-        merged[name] = {**merged.get(name, {}), **row}
+    merged = _merged(_named_rows(base, base_path), base_path.name, rows, removed, path)
     if "model_number" in document and "model_number" in merged:
         told = rows.get("model_number", {}).get("initial", document["model_number"])
         merged["model_number"] = {**merged["model_number"], "initial": told}
@@ -70,6 +66,29 @@ def _resolve(document: dict[str, Any], path: Path, seen: tuple[Path, ...]) -> di
         if key in base and key in document:
             document[key] = {**base[key], **document[key]}
     return {**base, **document, "register": list(merged.values())}
+
+
+def _merged(
+    base: dict[str, dict[str, Any]],
+    base_name: str,
+    rows: Mapping[str, dict[str, Any]],
+    removed: Sequence[str],
+    path: Path,
+) -> dict[str, dict[str, Any]]:
+    """The rows of the base without the ``removed`` ones, with ``rows`` written over them."""
+    merged = dict(base)
+    for name in removed:
+        if merged.pop(name, None) is None:
+            hint = near(name, merged)
+            raise TableError(f"{path}: remove: {base_name} has no register {name!r}{hint}")
+    for name, row in rows.items():
+        if name not in merged and not {"address", "size"} <= set(row):
+            raise TableError(
+                f"{path}: register {name!r}: {base_name} has none of that name"
+                f"{near(name, merged)}; a new one needs address and size"
+            )
+        merged[name] = {**merged.get(name, {}), **row}
+    return merged
 
 
 def _base_path(name: Any, path: Path) -> Path:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .inherit import TableError
+from .spelling import near
 
 #: unit as written in a table -> (unit in SI, factor)
 UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
@@ -163,11 +164,14 @@ def registers_of_row(row: Mapping[str, Any], path: Path) -> Iterator[Register]:
 def _register(row: Mapping[str, Any], path: Path) -> Register:
     where = f"{path}: register {row.get('name', '?')!r}"
     row = dict(row)
-    unknown = set(row) - {field.name for field in fields(Register)} - {"range"}
+    known = {field.name for field in fields(Register)} - {"minimum", "maximum"} | {"range"}
+    unknown = sorted(set(row) - known)
     missing = {"name", "address", "size"} - set(row)
-    if unknown or missing:
-        problem = f"needs {', '.join(sorted(missing))}" if missing else ""
-        raise TableError(f"{where}: {problem or 'unknown key ' + ', '.join(sorted(unknown))}")
+    if missing:
+        raise TableError(f"{where}: needs {', '.join(sorted(missing))}")
+    if unknown:
+        words = ", ".join(key + near(key, known) for key in unknown)
+        raise TableError(f"{where}: unknown key {words}")
     if not isinstance(row["size"], int) or not 1 <= row["size"] <= 256:
         raise TableError(f"{where}: size must be 1 to 256 bytes")
     if not isinstance(row["address"], int) or not 0 <= row["address"] <= ADDRESSES - row["size"]:
@@ -182,7 +186,8 @@ def _register(row: Mapping[str, Any], path: Path) -> Register:
         (register.encoding, ENCODINGS, "encoding"),
     ):
         if value not in choices:
-            raise TableError(f"{where}: {what} {value!r} is not one of {', '.join(choices)}")
+            words = ", ".join(filter(None, choices))
+            raise TableError(f"{where}: {what} {value!r} is not one of {words}")
     if not (isinstance(register.scale, int | float) and register.scale > 0.0):
         raise TableError(f"{where}: scale must be more than 0, not {register.scale!r}")
     if register.initial is not None:

@@ -122,7 +122,8 @@ def _bare(servos: re.Match[str]) -> dict[str, Any]:
         table = load_table(model)
     except TableError as error:
         raise RobotError(f"{where}: {error}") from None
-    factory = table.baud_rates.get(table["baud_rate"].initial or 0, 1_000_000)
+    register = table.by_name.get("baud_rate")
+    factory = table.baud_rates.get(register.initial or 0 if register else 0, 1_000_000)
     return {
         "format": FORMAT,
         "name": table.model,

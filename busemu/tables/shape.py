@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .inherit import TableError
+from .spelling import near
 
 
 def _whole(value: Any) -> bool:
@@ -31,13 +32,32 @@ def _table(value: Any) -> bool:
     return isinstance(value, Mapping)
 
 
+def _positive(value: Any) -> bool:
+    return _number(value) and value > 0.0
+
+
+def _not_negative(value: Any) -> bool:
+    return _number(value) and value >= 0.0
+
+
+def _count(value: Any) -> bool:
+    return _whole(value) and value >= 0
+
+
 def _bits(value: Any) -> bool:
-    return _table(value) and all(map(_whole, value.values()))
+    return (
+        _table(value)
+        and value.keys() <= set(ALARMS)
+        and all(_whole(bit) and 0 <= bit < 8 for bit in value.values())
+    )
 
 
 def _wholes(value: Any) -> bool:
     return isinstance(value, list | tuple) and all(map(_whole, value))
 
+
+#: What an alarm may be called in ``shutdown_bits``.
+ALARMS = ("input_voltage", "overheating", "encoder", "electrical_shock", "overload")
 
 Rule = tuple[Callable[[Any], bool], str]
 WHOLE: Rule = (_whole, "a whole number")
@@ -69,12 +89,30 @@ REGISTER: Mapping[str, Rule] = MappingProxyType(
         "scale": NUMBER,
     }
 )
-#: Any other key of ``drive`` is a number.
 DRIVE: Mapping[str, Rule] = MappingProxyType(
     {
-        **dict.fromkeys(("law", "eeprom_locked_by", "shutdown_cuts", "wheel_mode"), TEXT),
+        **dict.fromkeys(("law", "eeprom_locked_by", "shutdown_cuts"), TEXT),
         **dict.fromkeys(("shutdown_latches", "speed_zero_is_unlimited", "clears_errors"), TRUTH),
-        "shutdown_bits": (_bits, "a table of names and bit numbers"),
+        **dict.fromkeys(
+            (
+                *("p_gain_duty_per_rad", "i_gain_duty_per_rad_s", "d_gain_duty_s_per_rad"),
+                "position_p_gain_duty_per_rad",
+                "position_i_gain_duty_per_rad_s",
+                "position_d_gain_duty_s_per_rad",
+                *("overload_s", "load_refresh_s"),
+            ),
+            (_not_negative, "a number of 0 or more"),
+        ),
+        **dict.fromkeys(
+            ("stall_current_a", "overload_torque"), (_positive, "a number of more than 0")
+        ),
+        **dict.fromkeys(
+            ("turn_counts", "torque_on_by_goal_since", "time_profile_since"),
+            (_count, "a whole number of 0 or more"),
+        ),
+        "load_sign": (lambda value: _number(value) and abs(value) == 1, "1 or -1"),
+        "wheel_mode": (lambda value: value == "pwm", '"pwm", or left out'),
+        "shutdown_bits": (_bits, f"a table of bit numbers, 0 to 7, of {', '.join(ALARMS)}"),
     }
 )
 
@@ -89,7 +127,9 @@ def check_shape(document: Mapping[str, Any], path: Path) -> None:
             if key in row:
                 _check(row[key], rule, f"{path}: register {row.get('name', '?')!r}: {key}")
     for key, value in document.get("drive", {}).items():
-        _check(value, DRIVE.get(key, NUMBER), f"{path}: drive: {key}")
+        if key not in DRIVE:
+            raise TableError(f"{path}: drive: unknown key {key}{near(key, DRIVE)}")
+        _check(value, DRIVE[key], f"{path}: drive: {key}")
 
 
 def _check(value: Any, rule: Rule, where: str) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from busemu.assemble import assemble
 from busemu.plant import ideal
-from busemu.tables import RobotError, load_robot, parse_robot, robots
+from busemu.tables import Robot, RobotError, load_robot, parse_robot, robots
 from busemu.timing import Profile, load_profile
 
 HERE = Path("mine.toml")
@@ -205,19 +205,34 @@ def test_servos_of_a_model_need_no_file(tmp_path: Path) -> None:
     assert servo.memory["model_number"] == 4242
 
 
-def test_table_that_lacks_what_a_servo_needs_is_refused(tmp_path: Path) -> None:
-    mine = tmp_path / "mine.toml"
-    text = 'extends = "AX-12A"\nmodel = "Mine"\nmodel_number = 1\nremove = ["baud_rate"]\n'
+LOOKED_AT = """
+model = "Mine"
+model_number = 1
+protocol = 1.0
+baud_rates = { 1 = 1000000 }
+register = [ { name = "id", address = 3, size = 1, area = "EEPROM", initial = 1 } ]
+"""
+
+
+def of_mine(folder: Path, text: str) -> Robot:
+    """A robot of one servo, whose table is the text."""
+    mine = folder / "mine.toml"
     mine.write_text(text, "utf-8")
-    robot = parse_robot(
-        {
-            "format": "busemu-robot/1",
-            "bus": {"protocol": 1.0, "baud_rate": 1_000_000, "servo_model": str(mine)},
-            "servo": [{"id": 1, "joint": "a"}],
-        },
-        HERE,
-    )
-    with pytest.raises(RobotError, match=r"mine.toml: .* no register 'baud_rate'"):
+    bus = {"protocol": 1.0, "baud_rate": 1_000_000, "servo_model": str(mine)}
+    servo = [{"id": 1, "joint": "a"}]
+    return parse_robot({"format": "busemu-robot/1", "bus": bus, "servo": servo}, HERE)
+
+
+def test_table_that_lacks_what_a_servo_needs_is_refused(tmp_path: Path) -> None:
+    text = 'extends = "AX-12A"\nmodel = "Mine"\nmodel_number = 1\nremove = ["baud_rate"]\n'
+    with pytest.raises(RobotError, match=r"mine.toml: .* needs these registers.*: baud_rate"):
+        of_mine(tmp_path, text)
+
+
+def test_table_without_a_drive_can_be_looked_at_and_not_served(tmp_path: Path) -> None:
+    robot = of_mine(tmp_path, LOOKED_AT)
+    assert load_robot(f"{tmp_path / 'mine.toml'}:1").baud_rate == 1_000_000
+    with pytest.raises(RobotError, match=r"mine.toml has no \[drive\].* give it one"):
         assemble(robot, ideal(robot), load_profile("ideal"))
 
 

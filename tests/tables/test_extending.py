@@ -100,6 +100,21 @@ LED = {"name": "led"}
         ({"drive": {"law": "magic"}}, ["drive", "law 'magic'", "compliance"]),
         ({"drive": {"law": "pid"}}, ["drive", "missing", "p_gain_duty_per_rad"]),
         ({"drive": {"eeprom_locked_by": "key"}}, ["drive", "eeprom_locked_by", "'key'"]),
+        ({"drive": {"overlod_s": 1}}, ["drive", "unknown key overlod_s", "mean overload_s?"]),
+        ({"drive": {"stall_current_a": -1}}, ["drive", "stall_current_a", "more than 0", "-1"]),
+        ({"drive": {"load_refresh_s": -1}}, ["drive", "load_refresh_s", "0 or more", "-1"]),
+        ({"drive": {"turn_counts": 1.5}}, ["drive", "turn_counts", "whole number", "1.5"]),
+        ({"drive": {"load_sign": 2}}, ["drive", "load_sign", "1 or -1", "2"]),
+        ({"drive": {"wheel_mode": "pvm"}}, ["drive", "wheel_mode", '"pwm"', "'pvm'"]),
+        ({"drive": {"shutdown_bits": {"heat": 2}}}, ["shutdown_bits", "overheating", "'heat'"]),
+        ({"drive": {"shutdown_bits": {"overload": 9}}}, ["shutdown_bits", "0 to 7", "9"]),
+        ({"drive": {"turn_counts": 4096}}, ["multi_turn_offset", "resolution_divider"]),
+        ({"remove": ["present_load"]}, ["needs these registers, too: present_load"]),
+        ({"remove": ["presnt_load"]}, ["'presnt_load'", "mean present_load?"]),
+        ({"register": [{"name": "goal_positon", "initial": 1}]}, ["mean goal_position?"]),
+        ({"register": [{**LED, "adress": 1}]}, ["unknown key adress", "mean address?"]),
+        ({"register": [{**LED, "minimum": 0}]}, ["'led'", "unknown key minimum"]),
+        ({"souce": "me"}, ["unknown key souce", "mean source?"]),
     ],
 )
 def test_bad_file_is_refused_with_file_entry_and_rule(change: dict, parts: list[str]) -> None:
@@ -157,7 +172,7 @@ def test_base_is_no_model_and_unknown_models_are_told_what_there_is(tmp_path: Pa
 
 
 def test_document_given_to_the_loader_is_not_changed() -> None:
-    document = {**BARE, "register": [{"name": "led", "initial": 1}], "remove": ["punch"]}
+    document = {**BARE, "register": [{"name": "led", "initial": 1}], "remove": ["alarm_led"]}
     before = repr(document)
     parse_table(document, Path("mine.toml"))
     assert repr(document) == before
