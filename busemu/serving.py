@@ -184,6 +184,8 @@ class Served:
             f"{robot.baud_rate} baud; timing {self.profile.name}, plant {self.plant}"
         )
         yield f"port {self.port.path}" + (f" (also {link})" if link else "")
+        if self._state is not None:
+            yield from self._state.describe()
         yield f"try: {self._suggestion()}"
 
     def _suggestion(self) -> str:

@@ -51,6 +51,8 @@ class State:
         self._file = -1
         if not path.parent.is_dir():
             raise StateError(f"--state {path}: there is no folder {path.parent}; make it first")
+        if path.exists() and not path.is_file():
+            raise StateError(f"--state {path}: is there and is no file; choose another name")
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         except FileNotFoundError:
@@ -79,6 +81,16 @@ class State:
             self._changed = False
             self._write()
 
+    def describe(self) -> list[str]:
+        """A line for each servo that the file has at another ID or baud rate than the robot."""
+        return [
+            f"--state {self.path}: servo {servo.joint} has ID {servo.servo_id} and "
+            f"{servo.baud_rate} baud there"
+            for servo in self._servos
+            if servo.servo_id != self._robot.by_joint[servo.joint].servo_id
+            or servo.baud_rate != self._robot.baud_rate
+        ]
+
     def close(self) -> None:
         """Let other servers have the file."""
         if self._file >= 0:
@@ -93,7 +105,8 @@ class State:
             file = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
             try:
                 self._lock(file)
-                os.write(file, self._text().encode())
+                with open(file, "w", encoding="utf-8", closefd=False) as whole:
+                    whole.write(self._text())
                 os.fsync(file)
                 os.replace(partial, self.path)
                 sync_folder(self.path.parent)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import time
 import tomllib
@@ -103,6 +104,38 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch) -> 
         state.save()
     assert (tmp_path / "s.toml").read_bytes() == before
     assert list(tmp_path.iterdir()) == [tmp_path / "s.toml"]
+
+
+def test_a_disk_that_takes_only_a_part_leaves_the_old_file(tmp_path: Path) -> None:
+    bench, state = kept(tmp_path / "s.toml")
+    before = (tmp_path / "s.toml").read_bytes()
+    bench.set("return_delay_time", 5)
+    room, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) // 2, most))
+    try:
+        with pytest.raises(StateError, match="File too large"):
+            state.save()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, most))
+    assert (tmp_path / "s.toml").read_bytes() == before
+    assert list(tmp_path.iterdir()) == [tmp_path / "s.toml"]
+
+
+def test_what_is_no_file_is_refused(tmp_path: Path) -> None:
+    for path in (tmp_path, Path("/dev/zero")):
+        with pytest.raises(StateError, match="is no file; choose another name"):
+            kept(path)
+
+
+def test_servos_that_are_not_where_the_robot_has_them_are_named(tmp_path: Path) -> None:
+    bench, state = kept(tmp_path / "s.toml")
+    assert state.describe() == []
+    bench.set("id", 9, 3)
+    state.save()
+    state.close()
+    _, again = kept(tmp_path / "s.toml")
+    (line,) = again.describe()
+    assert "servo j3 has ID 9 and 1000000 baud there" in line
 
 
 def test_two_servers_cannot_keep_the_same_file(tmp_path: Path) -> None:
