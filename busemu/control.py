@@ -129,7 +129,10 @@ def carry_out(asked: Mapping[str, Any], faults: Faults, robot: Robot) -> dict[st
         fault = parse_fault(asked["fault"], "fault", robot)
         return {"number": faults.add(fault), "words": str(fault)}
     if what == "clear":
-        return {"ended": faults.clear(_which(asked.get("which")))}
+        which = _which(asked.get("which"))
+        if type(which) is int and which not in {each.number for each in faults.standing()}:
+            raise FaultError(f"clear: there is no fault {which}; busemu fault list shows what is")
+        return {"ended": faults.clear(which)}
     if what == "list":
         return {"faults": [asdict(each) for each in faults.standing()]}
     raise ValueError(what)

@@ -189,8 +189,8 @@ class _Asked:
         if value is None:
             return None
         if type(value) not in (int, float) or not least <= value <= most:
-            top = f" to {most:g}" if most < math.inf else " or more"
-            raise self._wrong(f"{key} must be a number from {least:g}{top}, not {value!r}")
+            span = f"from {least:g} to {most:g}" if most < math.inf else f"of {least:g} or more"
+            raise self._wrong(f"{key} must be a number {span}, not {value!r}")
         return float(value)
 
     def whole(self, key: str, least: int, most: int | None) -> int | None:
@@ -198,8 +198,8 @@ class _Asked:
         if value is None:
             return None
         if type(value) is not int or value < least or (most is not None and value > most):
-            top = f" to {most}" if most is not None else " or more"
-            raise self._wrong(f"{key} must be a whole number from {least}{top}, not {value!r}")
+            span = f"from {least} to {most}" if most is not None else f"of {least} or more"
+            raise self._wrong(f"{key} must be a whole number {span}, not {value!r}")
         return value
 
     def choice(self, key: str, words: tuple[str, ...]) -> str:

@@ -113,7 +113,11 @@ def test_faults_come_and_go_by_command(link):
         code, said = fault("clear", "dorp", "--port", link)
         assert code == 1
         assert "'dorp' is no number and no kind" in said
-        assert fault("clear", "--port", link) == (0, "ended 1 fault\n")
+        code, said = fault("clear", 2, "--port", link)
+        assert code == 1
+        assert "there is no fault 2" in said
+        assert fault("clear", 1, "--port", link) == (0, "ended 1 fault\n")
+        assert fault("clear", 1, "--port", link) == (0, "ended 0 faults\n")
         assert answers(port, 3)
 
 

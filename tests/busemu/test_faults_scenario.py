@@ -70,7 +70,7 @@ after_s = 2
             TOP + "[[fault]]\nkind = 'drop'\nprobability = 1.5",
             "probability must be a number from 0",
         ),
-        (TOP + "[[fault]]\nkind = 'drop'\ncount = 0", "count must be a whole number from 1"),
+        (TOP + "[[fault]]\nkind = 'drop'\ncount = 0", "count must be a whole number of 1 or more"),
         (TOP + "[[fault]]\nkind = 'drop'\ncount = true", "count must be a whole number"),
         (TOP + "[[fault]]\nkind = 'drop'\non = 'wire'", "on must be reply or instruction"),
         (TOP + "[[fault]]\nkind = 'delay'\ndelay_s = nan", "delay_s must be a number from 0 to 10"),
