@@ -63,6 +63,7 @@ class TapRecorder:
         self._shadow = shadow
         self._decoder = WireDecoder(robot.protocol, robot.tables, self._access)
         self._device = device
+        self._source = source_of(device.path)  # a link may be gone at the end
         self._tap = Tap(port, device)
         self._told = (time.monotonic(), 0, 0)
 
@@ -118,7 +119,7 @@ class TapRecorder:
         metadata = of_robot(
             self.robot,
             name=path.stem,
-            source=source_of(self._device.path),
+            source=self._source,
             group=group,
             condition={},
             baud_rate=self._device.baud_rate(),

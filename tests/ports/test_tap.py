@@ -332,15 +332,20 @@ def test_killed_tap_leaves_no_file_and_no_link(tmp_path: Path) -> None:
 
 
 def test_device_that_disappears_ends_the_tap_and_the_recording_is_written(tmp_path: Path) -> None:
-    path = tmp_path / "tap.parquet"
-    with serving("--robot", "marvin") as server, tapping(server.path, "marvin", path) as tap:
+    path, device = tmp_path / "tap.parquet", tmp_path / "servos"
+    with (
+        serving("--robot", "marvin", "--link", device) as server,
+        tapping(device, "marvin", path) as tap,
+    ):
         ask_something(tap)
         server.end(signal.SIGKILL)
         code, said = tap.end(None)
         assert code == 1
         assert said.splitlines()[-2].startswith(f"recorded {path}: ")
-        assert said.splitlines()[-1].startswith(f"busemu: {server.path}: the device has gone")
-    assert len(read(path)) >= 1
+        assert said.splitlines()[-1].startswith(f"busemu: {device}: the device has gone")
+    recording = read(path)
+    assert len(recording) >= 1
+    assert recording.metadata["source"] == "emulator"  # though the link to it has gone
 
 
 def test_tap_through_which_nothing_passed_writes_nothing(tmp_path: Path) -> None:
