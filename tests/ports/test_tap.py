@@ -332,20 +332,26 @@ def test_killed_tap_leaves_no_file_and_no_link(tmp_path: Path) -> None:
 
 
 def test_device_that_disappears_ends_the_tap_and_the_recording_is_written(tmp_path: Path) -> None:
-    path, device = tmp_path / "tap.parquet", tmp_path / "servos"
-    with (
-        serving("--robot", "marvin", "--link", device) as server,
-        tapping(device, "marvin", path) as tap,
-    ):
+    path = tmp_path / "tap.parquet"
+    with serving("--robot", "marvin") as server, tapping(server.path, "marvin", path) as tap:
         ask_something(tap)
         server.end(signal.SIGKILL)
         code, said = tap.end(None)
         assert code == 1
         assert said.splitlines()[-2].startswith(f"recorded {path}: ")
-        assert said.splitlines()[-1].startswith(f"busemu: {device}: the device has gone")
-    recording = read(path)
-    assert len(recording) >= 1
-    assert recording.metadata["source"] == "emulator"  # though the link to it has gone
+        assert said.splitlines()[-1].startswith(f"busemu: {server.path}: the device has gone")
+    assert len(read(path)) >= 1
+
+
+def test_emulated_bus_whose_link_is_gone_at_the_end_is_no_real_robot(tmp_path: Path) -> None:
+    path, device = tmp_path / "tap.parquet", tmp_path / "servos"
+    with serving("--robot", "marvin") as server:
+        device.symlink_to(server.path)
+        with tapping(device, "marvin", path) as tap:
+            ask_something(tap)
+            device.unlink()
+            assert tap.end()[0] == 0
+    assert read(path).metadata["source"] == "emulator"
 
 
 def test_tap_through_which_nothing_passed_writes_nothing(tmp_path: Path) -> None:
