@@ -22,6 +22,7 @@ from busemu.assemble import plants
 from busemu.cli import endings, fail
 from busemu.tables import Robot, RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError, load_profile
+from busemu.wording import amount
 
 if TYPE_CHECKING:
     from .running import Session
@@ -260,7 +261,10 @@ def tap(
     except OSError as error:
         fail(f"--record {record}: {os.strerror(error.errno or 0)}")
     counts = taps.counts
-    what = f"recorded {record}: {counts.rows} rows, {counts.lost} values lost; see busemu inspect"
+    what = (
+        f"recorded {record}: {amount(counts.rows, 'row')}, {amount(counts.lost, 'value')} lost; "
+        "see busemu inspect"
+    )
     typer.echo(told.after + (what if counts.rows else "nothing was read or written: no recording"))
     for line in beside.summary(begun_s) if beside is not None else []:
         typer.echo(line)

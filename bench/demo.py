@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from busemu.plant import ideal
 from busemu.tables import Robot
 from busemu.timing import load_profile
+from busemu.wording import amount
 from hal.bus_errors import BusError
 from hal.cpg import LocomotionController
 
@@ -152,7 +153,7 @@ def hindered(measured: list[Timed], modelled: list[Timed], late: int) -> list[st
         for live, model in zip(measured, modelled, strict=True)
         if live.kind != "write all" and live.median_s > SLOW * model.median_s
     ]
-    told = [f"{late} replies were lost and asked for again"] if late else []
+    told = [f"{amount(late, 'reply was', 'replies were')} lost and asked for again"] if late else []
     told += [f"{len(slow)} of {len(measured)} kinds of transaction took too long"] if slow else []
     return [f"{', '.join(told)}: {BUSY}"] if told else []
 

@@ -33,7 +33,7 @@ def prove(
         str | None,
         typer.Option(
             metavar="KIND",
-            help="One-joint cases of one kind: null, single, pair, triple, deleted or stranger. "
+            help="One-joint cases of one kind: null, single, pair, triple, stranger or deleted. "
             "--only null counts false alarms.",
         ),
     ] = None,

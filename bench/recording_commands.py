@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from busemu.cli import fail
+from busemu.wording import amount
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -120,7 +121,9 @@ def import_(
                 place = _free(out, recording.name, ".csv" if csv else ".parquet", taken)
                 write(recording, place)
                 rows += len(recording)
-                typer.echo(f"{place}: {len(recording)} rows, {recording.duration_s:.3f} s")
+                typer.echo(
+                    f"{place}: {amount(len(recording), 'row')}, {recording.duration_s:.3f} s"
+                )
                 for note in recording.metadata["import"].get("notes", []):
                     typer.echo(f"  note: {note}")
     except (RecordingError, OSError) as error:
@@ -128,7 +131,7 @@ def import_(
     except KeyboardInterrupt:
         typer.echo("interrupted; the recordings named above are complete")
         raise typer.Exit(130) from None
-    typer.echo(f"{len(taken)} recordings, {rows} rows")
+    typer.echo(f"{amount(len(taken), 'recording')}, {amount(rows, 'row')}")
     typer.echo(f"try next  busemu inspect {out}")
 
 

@@ -14,6 +14,7 @@ from busemu.plant import Plant
 from busemu.ports.sdk import SdkPort
 from busemu.tables import Robot
 from busemu.timing import Profile
+from busemu.wording import amount
 from hal.bus_client import BusClient, open_port
 from hal.cpg import LocomotionController
 from hal.robot_control import RobotControl
@@ -116,11 +117,12 @@ def describe(report: WalkReport) -> list[str]:
     """A walk in words, a line a fact."""
     ms = 1e3
     lines = [
-        f"{report.cycles} cycles in {report.walked_s:.2f} s: "
+        f"{amount(report.cycles, 'cycle')} in {report.walked_s:.2f} s: "
         f"mean {report.cycle_mean_s * ms:.2f} ms, median {report.cycle_median_s * ms:.2f} ms, "
         f"longest {report.cycle_max_s * ms:.2f} ms",
-        f"{report.missed_deadlines} missed deadlines, {report.lost_replies} lost replies, "
-        f"{report.clipped_goals} goals clipped",
+        f"{amount(report.missed_deadlines, 'missed deadline')}, "
+        f"{amount(report.lost_replies, 'lost reply', 'lost replies')}, "
+        f"{amount(report.clipped_goals, 'goal')} clipped",
     ]
     lines += [f"{count} x {what}" for what, count in report.errors.items()]
     lines += [f"{joint}: {what}" for joint, what in report.alerts.items()]

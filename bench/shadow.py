@@ -25,6 +25,7 @@ from busemu.protocol import Framer
 from busemu.servo import Servo
 from busemu.tables import Register, Robot, load_robot
 from busemu.timing import load_profile
+from busemu.wording import amount
 from hal.access import Access
 
 from .wire_decoder import WireDecoder
@@ -279,12 +280,15 @@ class Shadow:
             (item for item in self.pairs.items() if item[1].partings),
             key=lambda item: item[1].first_s,
         )
-        lines = [f"shadow: {compared} readings compared, {len(parted)} registers parted"]
+        lines = [
+            f"shadow: {amount(compared, 'reading')} compared, "
+            f"{amount(len(parted), 'register')} parted"
+        ]
         for (servo_id, name), pair in parted:
             unit = self._robot.tables[servo_id][name].si_unit
             lines.append(
                 f"  servo {servo_id} {name}: first at {pair.first_s - start_s:.2f} s, "
-                f"{pair.partings} times, {pair.beyond} of {pair.compared} readings, "
+                f"{amount(pair.partings, 'time')}, {pair.beyond} of {pair.compared} readings, "
                 f"at worst by {_words(pair.worst, unit)}" + ("; still apart" if pair.parted else "")
             )
         return lines

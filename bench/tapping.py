@@ -15,6 +15,7 @@ from busemu.ports.device import SerialDevice
 from busemu.ports.pty import PtyPort
 from busemu.ports.tap import Chunk, Tap
 from busemu.tables import Robot
+from busemu.wording import amount
 from hal.access import Access
 
 from .recording import Recorder, write
@@ -42,9 +43,10 @@ class Passing:
 
     def __str__(self) -> str:
         return (
-            f"{self.instructions / self.seconds:6.0f} instructions/s, {self.lost} values lost, "
-            f"{self.total.rows} rows, {self.total.damaged} damaged packets, "
-            f"{self.total.noise_bytes} bytes of noise, {self.baud_rate} baud"
+            f"{self.instructions / self.seconds:6.0f} instructions/s, "
+            f"{amount(self.lost, 'value')} lost, {amount(self.total.rows, 'row')}, "
+            f"{amount(self.total.damaged, 'damaged packet')}, "
+            f"{amount(self.total.noise_bytes, 'byte')} of noise, {self.baud_rate} baud"
         )
 
 

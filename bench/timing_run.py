@@ -9,6 +9,7 @@ from pathlib import Path
 
 from busemu.tables import Robot
 from busemu.timing import Profile
+from busemu.wording import amount
 
 from .calibration import fit, predict
 from .probes import Prober, Timing, prober_in_process, prober_on_port, probes_of
@@ -54,8 +55,8 @@ def run_timing(wanted: Wanted, say: Say) -> list[Timing]:
     if wanted.port is not None:
         modelled_s = predict(robot, profile, [(t.probe, t.condition) for t in timings])
     where = wanted.port or f"the model, timing {profile.name}"
-    servos = f"{len(robot.servos)} servos, {robot.baud_rate} baud"
-    say(f"{robot.name} on {where}: {servos}, {wanted.repeats} times each")
+    servos = f"{amount(len(robot.servos), 'servo')}, {robot.baud_rate} baud"
+    say(f"{robot.name} on {where}: {servos}, {amount(wanted.repeats, 'time')} each")
     say(timing_table(timings, modelled_s, profile.name))
     for line in cycle_lines(timings):
         say(line)

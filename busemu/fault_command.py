@@ -9,6 +9,7 @@ import typer
 from .cli import fail
 from .control import ControlError, ask
 from .faults import Kind
+from .wording import amount
 
 _KINDS = ", ".join(kind.value.replace("_", "-") for kind in Kind)
 
@@ -99,7 +100,7 @@ def fault(
     elif what == "clear":
         number = int(which) if which is not None and which.isdecimal() else which
         ended = _ask(port, {"do": "clear", "which": number})["ended"]
-        typer.echo(f"ended {ended} fault{'' if ended == 1 else 's'}")
+        typer.echo(f"ended {amount(ended, 'fault')}")
     else:
         answer = _ask(port, {"do": "add", "fault": {"kind": what, **given}})
         typer.echo(f"fault {answer['number']}: {answer['words']}")

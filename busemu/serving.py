@@ -30,6 +30,7 @@ from .state import State, StateError
 from .tables import Robot, load_robot
 from .timing import Profile, load_profile
 from .traffic.tracing import TracedPort, Tracing
+from .wording import amount
 
 #: How often an observer looks [s]: fast enough for pictures of a gait.
 OBSERVE_EVERY_S = 0.02
@@ -74,8 +75,8 @@ def each(name: str, values: Sequence[str] | None, count: int, *, shared: bool = 
     if shared and len(given) == 1:
         return given * count
     raise ServingError(
-        f"{name} is given {len(given)} times and --robot {count} times: give it once a robot, in "
-        f"the same order{', or once for all' if shared else f'; {name} {NONE} leaves a robot out'}"
+        f"{name} is given {amount(len(given), 'time')} and --robot {amount(count, 'time')}: "
+        f"give it once a robot, in the same order{', or once for all' if shared else f'; {name} {NONE} leaves a robot out'}"
     )
 
 
@@ -92,6 +93,11 @@ class Served:
         self.plant = wanted.plant or ("bullet" if self.robot.has_bodies else "ideal")
         if self.plant not in plants():
             raise ServingError(f"no plant named {self.plant!r}: use one of {', '.join(plants())}")
+        if self.plant == "bullet" and not self.robot.has_bodies:
+            raise ServingError(
+                f"--plant bullet: {self.robot.path} names servos and no bodies that they could "
+                "move: leave --plant away, or give a robot file that describes them"
+            )
         self._scenario = load_scenario(wanted.faults, self.robot) if wanted.faults else Scenario()
         self._control: Control | None = None
         self.tracing: Tracing | None = None
@@ -180,7 +186,7 @@ class Served:
         """Lines for the user: what it is, where, and what to try."""
         robot, link = self.robot, self.wanted.link
         yield (
-            f"{robot.name}: {len(robot.servos)} servos, Protocol {robot.protocol}, "
+            f"{robot.name}: {amount(len(robot.servos), 'servo')}, Protocol {robot.protocol}, "
             f"{robot.baud_rate} baud; timing {self.profile.name}, plant {self.plant}"
         )
         yield f"port {self.port.path}" + (f" (also {link})" if link else "")
@@ -265,8 +271,9 @@ class Teller:
         self._before, self._told_s = transactions, now_s
         late = sorted(state.replies_late_s)
         replies = f"{late[len(late) // 2] * 1e6:.0f} us" if late else "none yet"
+        errors = amount(sum(count.errors for count in counts), "error")
         line = (
-            f"{rate:6.0f} transactions/s, {sum(count.errors for count in counts)} errors, "
+            f"{rate:6.0f} transactions/s, {errors}, "
             f"replies late by {replies} (median), "
             f"physics behind by {state.physics_late_s * 1e3:.1f} ms at most"
         )

@@ -8,6 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from bench.figures.tables import aligned
+from busemu.wording import amount
 
 from .oddities import Oddities, SeriesCount, counted, oddities
 from .recording import Recording
@@ -29,7 +30,7 @@ def facts(recording: Recording) -> str:
         f"{recording.name}: {told.get('robot', 'unnamed robot')}, "
         f"source {told.get('source', 'not stated')}"
         + (f", group {told['group']}" if "group" in told else ""),
-        f"{len(recording)} rows in {recording.duration_s:.3f} s",
+        f"{amount(len(recording), 'row')} in {recording.duration_s:.3f} s",
     ]
     if isinstance(condition := told.get("condition"), Mapping) and condition:
         lines.append("condition: " + ", ".join(f"{k} = {v}" for k, v in condition.items()))

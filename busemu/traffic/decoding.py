@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from ..wording import amount
 from .explain import Explainer, Explanation, Line, Tables, brief, long
 from .explain.text import STYLES
 from .follow import read_lines, read_trace
@@ -79,9 +80,9 @@ def decode_trace(
             dropped += entry.count
         else:
             damaged += 1
-    end = f"{shown.packets} packets, {shown.bad} bad"
+    end = f"{amount(shown.packets, 'packet')}, {shown.bad} bad"
     end += f", {dropped} not in the trace: the server was too busy" if dropped else ""
-    end += f", {damaged} damaged lines passed over" if damaged else ""
+    end += f", {amount(damaged, 'damaged line')} passed over" if damaged else ""
     shown.lines([((end, "title"),)])
 
 

@@ -23,6 +23,7 @@ def test_an_idle_machine_is_not_spoken_of():
 @pytest.mark.parametrize(
     ("factor", "late", "says"),
     [
+        (1.0, 1, "1 reply was lost and asked for again: the machine is busy"),
         (1.0, 3, "3 replies were lost and asked for again: the machine is busy"),
         (1.01 * SLOW, 0, "1 of 2 kinds of transaction took too long: the machine is busy"),
         (9.0, 3, "asked for again, 1 of 2 kinds"),

@@ -64,8 +64,8 @@ def test_import_writes_recordings_that_read_back(tmp_path):
     telemetry(tmp_path / "log.csv")
     done = busemu("import", "auto", tmp_path / "log.csv", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert "1 recordings, 161 rows" not in done.stdout  # 80 targets, 80 positions, 80 temperatures
-    assert "1 recordings, 240 rows" in done.stdout
+    assert "1 recording, 161 rows" not in done.stdout  # 80 targets, 80 positions, 80 temperatures
+    assert "1 recording, 240 rows" in done.stdout
     assert f"try next  busemu inspect {tmp_path / 'out'}" in done.stdout
     recording = read(tmp_path / "out" / "log.parquet")
     assert recording.metadata["import"]["format"] == "telemetry"

@@ -120,7 +120,7 @@ def test_a_joint_that_stands_still_is_named_with_what_was_expected_and_seen() ->
     assert HOLD_S <= parting.t_s - parting.since_s < HOLD_S + 0.05
     assert "servo 3 present_position: expected" in parting.words(5.0)
     first, second = beside.shadow.summary(5.0)
-    assert first.endswith("1 registers parted")
+    assert first.endswith("1 register parted")
     assert "servo 3 present_position" in second
     assert "still apart" in second
 
@@ -280,5 +280,5 @@ def test_tap_says_live_and_at_the_end_where_the_two_part(tmp_path: Path) -> None
             process.wait()
             process.stdout.close()
     rest = rest.decode()
-    assert re.search(r"^shadow: \d+ readings compared, 1 registers parted", rest, re.MULTILINE)
+    assert re.search(r"^shadow: \d+ readings compared, 1 register parted", rest, re.MULTILINE)
     assert re.search(r"servo 3 present_position: first at .*still apart", rest)

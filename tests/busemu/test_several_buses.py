@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from virtual_bus import AX, XL, Bench
 
 from busemu.cli import app
-from busemu.serving import ServingError, Wanted, each, opened
+from busemu.serving import Served, ServingError, Wanted, each, opened
 from busemu.timing import load_profile
 
 BOTH = pytest.mark.parametrize("model", [AX, XL])
@@ -74,7 +74,7 @@ def test_an_option_given_too_seldom_or_too_often_is_refused(count: int, shared: 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--link", "/tmp/a"], "--link is given 1 times and --robot 2 times"),
+        (["--link", "/tmp/a"], "--link is given 1 time and --robot 2 times"),
         (["--timing", "ideal"] * 3, "--timing is given 3 times"),
         (["--plant", "rubber"], "no plant named 'rubber'"),
         (["--echo", "--device", "/dev/a", "--device", "/dev/b"], "--echo is for a virtual port"),
@@ -125,6 +125,8 @@ def test_servos_that_hang_on_nothing_are_served_without_an_engine() -> None:
             said = "\n".join(one.describe())
             assert "plant ideal" in said
             assert f"busemu timing --robot {one.wanted.robot} --port {one.port.path}" in said
+    with pytest.raises(ServingError, match=r"AX-12A:1 names servos and no bodies.*leave --plant"):
+        Served(Wanted("AX-12A:1", plant="bullet"))
     assert Wanted("marvin").plant is None
     with opened([Wanted("marvin", timing="instant")]) as (marvin,):
         assert marvin.plant == "bullet"

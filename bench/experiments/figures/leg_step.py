@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bench.figures.style import GOAL, MEASURED, MODELLED, styled
+from busemu.wording import amount
 from hal.legs import PARTS
-
-from ..words import repeats
 
 if TYPE_CHECKING:
     from ..leg_step_result import LegStep
@@ -27,7 +26,7 @@ def leg_step_figure(result: LegStep) -> Figure:
     figure = Figure(figsize=(10.2, 5.8), layout="constrained")
     grid = figure.subplots(2, 3, sharex=True, squeeze=False)
     figure.suptitle(
-        f"Leg step: {result.robot}, {result.leg}, {repeats(result.repeats)}, "
+        f"Leg step: {result.robot}, {result.leg}, {amount(result.repeats, 'repeat')}, "
         f"a position every {result.period_s * 1e3:.1f} ms",
         x=0.01,
         ha="left",

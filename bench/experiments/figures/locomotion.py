@@ -11,10 +11,10 @@ from matplotlib.lines import Line2D
 
 from bench.figures.gait import LEGS
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, STANCE, START, STOP, styled
+from busemu.wording import amount
 from hal.legs import PARTS
 
 from ..gait_phase import profile
-from ..words import repeats
 
 if TYPE_CHECKING:
     from ..locomotion_result import Locomotion
@@ -31,7 +31,7 @@ def locomotion_figure(result: Locomotion) -> Figure:
     figure = Figure(figsize=(13.6, 10.4), layout="constrained")
     grid = figure.subplots(5, len(names), squeeze=False, sharey="row")
     figure.suptitle(
-        f"Locomotion: {result.robot}, {repeats(len(result.walks))}, "
+        f"Locomotion: {result.robot}, {amount(len(result.walks), 'repeat')}, "
         f"stride {result.stride_m(commanded=True) * 1e3:.0f} mm, period {result.period_s:.2f} s",
         x=0.01,
         ha="left",

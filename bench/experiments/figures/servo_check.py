@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, STANCE, styled
-
-from ..words import repeats
+from busemu.wording import amount
 
 if TYPE_CHECKING:
     from ..servo_check_result import ServoCheck
@@ -27,7 +26,7 @@ def servo_check_figure(result: ServoCheck) -> Figure:
     figure = Figure(figsize=(7.2, 7.4 if known else 3.9), layout="constrained")
     every = figure.subplots(2 if known else 1, 1, sharex=True, squeeze=False)[:, 0]
     figure.suptitle(
-        f"Servo check: {result.robot}, {result.joint} blocked, {repeats(result.repeats)}",
+        f"Servo check: {result.robot}, {result.joint} blocked, {amount(result.repeats, 'repeat')}",
         x=0.01,
         ha="left",
         fontsize=11.0,

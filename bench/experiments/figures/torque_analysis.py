@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, START, STOP, styled
-
-from ..words import repeats
+from busemu.wording import amount
 
 if TYPE_CHECKING:
     from ..torque_analysis_result import TorqueAnalysis
@@ -26,7 +25,7 @@ def torque_analysis_figure(result: TorqueAnalysis) -> Figure:
     grid = figure.subplots(2, 2, sharex=True)
     figure.suptitle(
         f"Torque analysis: {result.robot}, {result.leg} extends its tibia, "
-        f"{repeats(result.repeats)} a load",
+        f"{amount(result.repeats, 'repeat')} a load",
         x=0.01,
         ha="left",
         fontsize=11.0,

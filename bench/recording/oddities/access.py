@@ -6,11 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from busemu.wording import amount
+
 from ..columns import numbers
 from ..recording import Recording
 from ..rules import READ, WRITE
 from .channel import Channel, at
-from .oddity import Oddity, Weight, first_rows, number
+from .oddity import Oddity, Weight, first_rows
 
 
 def check(channel: Channel) -> Iterator[Oddity]:
@@ -57,7 +59,7 @@ def check(channel: Channel) -> Iterator[Oddity]:
             outside,
             "out_of_range",
             Weight.WARNING,
-            f"{number(outside.size, 'value')} outside {limits[0]} to {limits[1]}, such as "
+            f"{amount(outside.size, 'value')} outside {limits[0]} to {limits[1]}, such as "
             f"{counts[outside[0]]:.0f}",
             "a servo of this model does not send them: bad reads, or another model",
             "leave these samples out, or name the servo's true model",

@@ -6,11 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from busemu.wording import amount
+
 from ..recording import Recording
 from ..rules import READ
 from .channel import Channel, channel, channels
 from .counting import SERIES_INTERVALS, Gap, gaps
-from .oddity import Oddity, Weight, first_rows, number
+from .oddity import Oddity, Weight, first_rows
 
 #: shortest log that tells how a joint moves [s]; assumed: a few settling times of a servo
 SHORT_S = 0.5
@@ -46,7 +48,7 @@ def check(recording: Recording) -> Iterator[Oddity]:
         yield Oddity(
             "gaps",
             Weight.WARNING,
-            f"{number(len(left), 'gap')}; the longest {longest.length_s:.3f} s, in "
+            f"{amount(len(left), 'gap')}; the longest {longest.length_s:.3f} s, in "
             f"{longest.series} series",
             "a filter or a derivative across a gap invents motion",
             "split there, or leave the span out; look for what kept the host busy",
@@ -143,7 +145,7 @@ def _uneven_series(series: Channel) -> Iterator[Oddity]:
         yield Oddity(
             "repeated_times",
             Weight.WARNING,
-            f"{number(repeated.size, 'sample')} that carry the time of the one before",
+            f"{amount(repeated.size, 'sample')} that carry the time of the one before",
             "the clock is coarser than the sampling: velocities made of it are infinite or zero",
             "log a finer clock; here, spread the samples evenly within a tick",
             series.servo_id,

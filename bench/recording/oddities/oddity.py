@@ -63,8 +63,3 @@ class Oddity:
 def first_rows(rows: NDArray[np.intp]) -> tuple[int, ...]:
     """The first few of ``rows`` (from 0), counted from 1."""
     return tuple(int(row) + 1 for row in rows[:ROWS_NAMED])
-
-
-def number(count: int, word: str) -> str:
-    """``1 sample``, ``2 samples``."""
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from busemu.wording import amount
+
 from ..recording import Recording
 from ..rules import READ, WRITE
 from .channel import Channel, Floats, at, channel
-from .oddity import Oddity, Weight, number
+from .oddity import Oddity, Weight
 
 #: a bad sample stands out by this many times the usual change from sample to sample; assumed
 GLITCH_RATIO = 12.0
@@ -85,7 +87,7 @@ def _glitches(series: Channel, counts: Floats) -> Iterator[Oddity]:
     values, times = np.unique(counts[places], return_counts=True)
     often = int(np.argmax(times))
     same = times[often] >= 3 and times[often] >= CONSTANT_SHARE * places.size
-    what = f"{number(places.size, 'sample')} out of line with those before and after"
+    what = f"{amount(places.size, 'sample')} out of line with those before and after"
     if same:
         what += (
             f", {times[often]} of them exactly {values[often]:.0f}: failed reads, logged as that"
@@ -172,7 +174,7 @@ def _wraps(series: Channel, counts: Floats) -> Iterator[Oddity]:
             places,
             "wraps",
             Weight.NOTE,
-            f"the position passes the end of its turn {number(places.size, 'time')}",
+            f"the position passes the end of its turn {amount(places.size, 'time')}",
             "differences across the end are a turn off",
             "unwrap before taking differences",
         )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...tables import ControlTable, Register
+from ...wording import amount
 
 #: More registers than this are named by the first and the last only.
 NAMES_LIMIT = 4
@@ -52,7 +53,7 @@ class Value:
 
 def span(table: ControlTable | None, address: int, length: int) -> str:
     """What lies at `length` bytes from `address`, in words."""
-    where = f"address {address}, {length} byte{'s' if length != 1 else ''}"
+    where = f"address {address}, {amount(length, 'byte')}"
     if table is None:
         return where
     inside = [r for r in table.registers if r.address < address + length and _end(r) > address]

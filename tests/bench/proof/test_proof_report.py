@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 
@@ -9,6 +10,7 @@ import pytest
 from judged_cases import cause, diagnosis, effect, judged, key
 from sealed_cases import delayed_proof, small_proof
 
+from bench.blind import Kind
 from bench.proof import pictures
 from bench.proof.active import Active
 from bench.proof.answering import Answers
@@ -42,6 +44,12 @@ def test_a_kind_that_is_none_is_refused(tmp_path):
     assert ran.returncode == 1
     assert ran.stderr.startswith("busemu: --only nul: no such kind; use one of null, single")
     assert not (tmp_path / "x").exists()
+
+
+def test_help_and_refusal_name_the_kinds_in_one_order():
+    words = re.sub(r"[^a-z]+", " ", prove("--help").stdout)
+    kinds = [kind.value for kind in Kind]
+    assert f"{' '.join(kinds[:-1])} or {kinds[-1]} only null" in words
 
 
 def test_the_proposed_experiment_is_run_on_the_hidden_specimen_and_scored(ambiguous):
