@@ -74,9 +74,10 @@ def each(name: str, values: Sequence[str] | None, count: int, *, shared: bool = 
         return given
     if shared and len(given) == 1:
         return given * count
+    rest = ", or once for all" if shared else f"; {name} {NONE} leaves a robot out"
     raise ServingError(
         f"{name} is given {amount(len(given), 'time')} and --robot {amount(count, 'time')}: "
-        f"give it once a robot, in the same order{', or once for all' if shared else f'; {name} {NONE} leaves a robot out'}"
+        f"give it once a robot, in the same order{rest}"
     )
 
 
