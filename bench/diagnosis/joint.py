@@ -30,6 +30,7 @@ from .regimes import EVERYWHERE, localise
 from .remainder import Remainder, remainder
 from .renewed import load_refresh
 from .result import Cause, Diagnosis, FitSummary, verdict_of
+from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
 from .search import Progress, held_out, score_outside
 from .settling import explained, is_structured, settle
@@ -114,7 +115,8 @@ def diagnose_joint(
                 indistinguishable_from=tuple(close),
             )
         )
-    lost = lost_samples(observed, after.noise[Kind.POSITION].total)
+    lost = lost_samples([*observed, *judged], after.noise[Kind.POSITION].total)
+    renewed = renewed or short_refresh(model, after)
     in_data = [cause for cause in (renewed, lost) if cause is not None]
     causes += [cause for cause in in_data if cause.effect in seen]
     pushed = None if PLAY in after.hypothesis.effects else play(observed)

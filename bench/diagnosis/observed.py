@@ -17,6 +17,7 @@ from sim.rollout import Replay
 
 from .commands import drive_commands, supply_events
 from .posture import recorded_posture
+from .smooth import smooth
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -160,7 +161,7 @@ def _observe(
     register, times, angles, quantum = series[Channel.POSITION]
     angles = unwrapped(angles, quantum)
     series[Channel.POSITION] = register, times, angles, quantum
-    good = lonely(angles, quantum)
+    good = lonely(angles, quantum) & smooth(times, angles, quantum)
     origin = float(min(entry[1][0] for entry in series.values())) - 1e-3
     start, events = drive_commands(recording, mount, table, times[good], angles[good], origin)
     if len(robot.servos) == 1:
@@ -174,7 +175,7 @@ def _observe(
             value,
             step,
             np.searchsorted(union, t - origin),
-            lonely(value, step),
+            good if channel is Channel.POSITION else lonely(value, step),
         )
     if supply_from_register and Channel.VOLTAGE in channels:
         volts = channels[Channel.VOLTAGE]
@@ -248,6 +249,7 @@ def lonely(values: Floats, quantum: float) -> Mask:
     """Where a value is no glitch: not far off both its neighbours while they agree.
 
     Far is more than eight steps of the register and eight times what neighbours usually differ.
+    That holds for any register; of angles :func:`bench.diagnosis.smooth.smooth` sees more.
     """
     if len(values) < 5:
         return np.ones(len(values), bool)

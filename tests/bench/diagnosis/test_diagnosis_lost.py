@@ -5,6 +5,7 @@ import pytest
 
 from bench.diagnosis.lost import lost_samples
 from bench.diagnosis.observed import lonely
+from bench.diagnosis.smooth import smooth
 
 STEP = 0.0015
 
@@ -32,3 +33,29 @@ def test_single_wild_samples_are_counted_with_an_interval():
     assert estimate.value == pytest.approx(3 / 800)
     assert estimate.ci95[0] < 3 / 800 < estimate.ci95[1]
     assert cause.held_out_gain_nats > 0.0
+
+
+@pytest.mark.parametrize("counts", [16, -16, 64])
+def test_a_glitch_in_the_midst_of_a_fast_motion_is_lost(counts):
+    t_s = 0.0053 * np.arange(400)
+    value = np.round(np.sin(6.0 * t_s) / STEP) * STEP
+    value[150] += counts * STEP
+    assert np.flatnonzero(~smooth(t_s, value, STEP)).tolist() == [150]
+
+
+def test_a_body_that_is_jerked_has_lost_nothing():
+    """A spring's swing after a step, read 28 times a second: six reads a turn."""
+    t_s = np.arange(0.0, 4.0, 1 / 28)
+    swing = np.where(t_s < 1.0, 0.0, 1.0 - np.exp(-3.0 * (t_s - 1.0)) * np.cos(28.0 * (t_s - 1.0)))
+    assert smooth(t_s, np.round(0.5 * swing / STEP) * STEP, STEP).all()
+
+
+def test_a_hole_in_a_recording_is_no_glitch():
+    t_s = np.concatenate([np.arange(0.0, 1.0, 0.01), np.arange(3.0, 4.0, 0.01)])
+    value = np.round(np.sin(2.0 * t_s) / STEP) * STEP
+    assert smooth(t_s, value, STEP).all()
+
+
+def test_reads_of_one_instant_are_no_glitch():
+    t_s = 0.01 * np.floor(np.arange(100) / 2.0)
+    assert smooth(t_s, np.round(np.sin(9.0 * t_s) / STEP) * STEP, STEP).all()

@@ -1,0 +1,62 @@
+"""What a diagnosis names that no fit sees: what the registers themselves show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+from pendulum_logs import JOINT, MOTIONS, POSITION, logs, robot
+
+from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.observed import Channel, observe
+from sim.model import read_model
+
+
+def diagnosed(observed, judged=()):
+    found = diagnose_joint(read_model(robot()), robot(), observed, judged, effects={})
+    return {cause.effect: cause for cause in found.diagnosis.causes}
+
+
+def seen(*motions):
+    return observe(logs(motions=motions), robot(), JOINT)
+
+
+def held(one, period_s):
+    """The same recording with a load register of its own period."""
+    model = JointModel(read_model(robot()), robot(), [one])
+    grid, duty = model.law(Hypothesis(), np.zeros(len(model.nuisances)), 0, 0.05e-3)
+    samples = one.channels[Channel.DUTY]
+    value = np.interp(np.floor(samples.t_s / period_s) * period_s, grid, duty)
+    channels = dict(one.channels) | {Channel.DUTY: replace(samples, value=value)}
+    return replace(one, channels=channels)
+
+
+def test_a_register_that_is_always_new_and_read_well_is_no_cause():
+    assert diagnosed(seen("slow", "fast"), seen("swell")) == {}
+
+
+def test_a_glitch_is_seen_in_recordings_that_only_judge_as_well():
+    drafts = logs(motions=("swell",))
+    (judge,) = observe([glitched(drafts[0])], robot(), JOINT)
+    causes = diagnosed(seen("slow", "fast"), [judge])
+    assert set(causes) == {"lost_samples"}
+
+
+def glitched(recording):
+    """The recording with a bit of one position turned over."""
+    raw = recording.table["raw"].to_numpy().copy()
+    names = np.array(recording.table["register"].to_pylist())
+    (places,) = np.nonzero((names == POSITION) & np.isfinite(raw))
+    raw[places[len(places) // 2]] += 32
+    table = recording.table
+    column = table.column_names.index("raw")
+    table = table.set_column(column, "raw", pa.array(raw, pa.float64()))
+    return type(recording).checked(table, dict(recording.metadata))
+
+
+def test_a_register_with_a_short_period_of_its_own_is_a_cause():
+    period_s = 0.0037
+    causes = diagnosed([held(one, period_s) for one in seen(*MOTIONS)])
+    assert "load_refresh" in causes
+    low, high = causes["load_refresh"].parameters["period_s"].ci95
+    assert low <= period_s <= high

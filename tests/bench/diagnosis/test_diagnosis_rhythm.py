@@ -1,0 +1,81 @@
+"""Load registers that are renewed oftener than they are read."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from pendulum_logs import JOINT, robot
+
+from bench.diagnosis.observed import Channel
+from bench.diagnosis.rhythm import short_refresh
+from sim.stepped import TICK_S
+
+READ_S, COUNT, STEP = 0.0053, 900, 1.0 / 885.0
+
+
+def law(t_s):
+    """Duty of a joint that follows: even between two goals, with a jump at every goal."""
+    goal = np.floor(t_s / READ_S) * READ_S
+    return 0.4 * np.sin(3.0 * goal) + 1.5 * (goal - t_s) * np.cos(3.0 * t_s)
+
+
+def recorded(period_s, age_s=0.0, seed=0, phase=0.3):
+    random = np.random.default_rng(seed)
+    t_s = 0.0027 + np.cumsum(READ_S * (1.0 + 0.02 * random.normal(size=COUNT)))
+    held = (np.floor((t_s - age_s) / period_s - phase) + phase) * period_s
+    value = np.round(law(held) / STEP + 1.5 * random.normal(size=COUNT)) * STEP
+    samples = SimpleNamespace(t_s=t_s, value=value, good=np.ones(COUNT, bool), quantum=STEP)
+    return SimpleNamespace(joint=JOINT, channels={Channel.DUTY: samples})
+
+
+class Model:
+    """What is asked of a model: what was observed, and the law."""
+
+    def __init__(self, observed, believed_s=0.0):
+        servo = SimpleNamespace(drive={"load_refresh_s": believed_s})
+        self.robot = SimpleNamespace(
+            tables={robot().by_joint[JOINT].servo_id: servo}, by_joint=robot().by_joint
+        )
+        self.observed = observed
+
+    def law(self, found, z, r, every_s):
+        t_s = np.arange(0.0, self.observed[r].channels[Channel.DUTY].t_s[-1] + every_s, every_s)
+        return t_s, law(t_s)
+
+
+FOUND = SimpleNamespace(hypothesis=None, z=None)
+
+
+def seen(*periods_s, believed_s=0.0, **how):
+    observed = [recorded(p, seed=k, phase=0.1 + 0.2 * k, **how) for k, p in enumerate(periods_s)]
+    return short_refresh(Model(observed, believed_s), FOUND)
+
+
+@pytest.mark.parametrize("period_s", [0.0016, 0.00257, 0.0072])
+def test_a_period_below_that_of_reads_is_found_within_its_interval(period_s):
+    cause = seen(*3 * [period_s])
+    assert cause.effect == "load_refresh"
+    estimate = cause.parameters["period_s"]
+    assert estimate.value == pytest.approx(period_s, rel=1e-3)
+    assert estimate.ci95[0] <= period_s <= estimate.ci95[1]
+    assert cause.held_out_gain_nats > 0.0
+
+
+@pytest.mark.parametrize("period_s", [TICK_S, 0.1 * TICK_S])
+def test_a_register_that_is_renewed_in_every_tick_is_always_new(period_s):
+    assert seen(*3 * [period_s]) is None
+
+
+@pytest.mark.parametrize("age_s", [0.001, 0.004])
+def test_a_register_that_is_late_by_the_same_age_at_every_read_has_no_period(age_s):
+    assert seen(*3 * [0.1 * TICK_S], age_s=age_s) is None
+
+
+def test_a_servo_that_is_known_to_hold_its_register_is_judged_by_its_changes():
+    assert seen(*3 * [0.00257], believed_s=0.13) is None
+
+
+def test_a_law_that_is_wrong_is_no_period():
+    one = recorded(0.1 * TICK_S)
+    one.channels[Channel.DUTY].value += 0.02 * np.sin(40.0 * one.channels[Channel.DUTY].t_s)
+    assert short_refresh(Model([one, one]), FOUND) is None
