@@ -39,6 +39,7 @@ CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have don
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 WIDENED = 3  #: times at most that a curve is made longer for a fit
 KEPT = 0.8  #: of a promised gain that an exact replay must bear out for curves to be believed
+PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 
@@ -181,19 +182,27 @@ class RobotSearch:
         rms = self._rms(base)
         return RobotFindings(base, base, (), (), {}, (), rms, rms)
 
-    def settle(self, found: RobotFit) -> RobotFit:
-        """A fit whose replays are exact where it is: traces and curves only lead there."""
-        best: RobotFit | None = None
+    def settle(self, found: RobotFit, begun: RobotFit | None = None) -> RobotFit:
+        """A fit whose replays are exact where it is: traces and curves only lead there.
+
+        Where they lead to worse than there was (``begun`` at first), it goes a part of that way.
+        """
+        best = begun
         for _ in range(SETTLED):
-            self.model.recentre(found.settings, found.nuisances, self.which)
-            exact = self.sight.at(found)
+            exact = self._replayed(found)
             if best is not None and exact.cost > best.cost - ENOUGH:
-                break
+                exact = self._replayed(replace(found, z=best.z + PART * (found.z - best.z)))
+                if exact.cost > best.cost - ENOUGH:
+                    break
             best = exact
             found = self._fit(exact.names, exact.z, exact.noise)
         assert best is not None
         self.model.recentre(best.settings, best.nuisances, self.which)
         return best
+
+    def _replayed(self, found: RobotFit) -> RobotFit:
+        self.model.recentre(found.settings, found.nuisances, self.which)
+        return self.sight.at(found)
 
     def _fit(
         self, names: Sequence[str], start: Floats, noise: Mapping[RobotKind, Noise]
@@ -221,7 +230,7 @@ class RobotSearch:
             if gain.nats < NEEDED and gain.name not in named:
                 continue
             self._say(f"replaying {gain.name} exactly")
-            exact = self._exactly(gain)
+            exact = self._exactly(gain, now)
             outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
             gains[k] = replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
             if self._holds(gains[k], now) and self._whole_square(exact) <= WORSE * begun:
@@ -232,13 +241,14 @@ class RobotSearch:
         self.model.recentre(fit.settings, fit.nuisances, self.which)
         return chosen
 
-    def _exactly(self, gain: RobotGain) -> RobotFit:
+    def _exactly(self, gain: RobotGain, now: RobotFit) -> RobotFit:
         """An effect's exact fit: from where curves led, or, if that disappoints, from a large try.
 
         Curves know an effect with all else as believed. Of what changes a robot much, as a spring
         of a tenth does, they know too little; replayed exactly there, the fit finds the way.
         """
-        best = self.settle(gain.fit)
+        off = np.append(now.z, 0.0)
+        best = self.settle(gain.fit, replace(gain.fit, z=off, noise=now.noise, cost=now.cost))
         if best.cost < gain.fit.cost + (1.0 - KEPT) * gain.nats:
             return best
         _, *large = self.model.curves.tries(gain.name)

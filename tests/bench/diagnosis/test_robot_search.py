@@ -16,6 +16,7 @@ from bench.diagnosis.robot_search import (
     CONFIRMED,
     KEPT,
     NEEDED,
+    PART,
     PROMISING,
     STRETCHED,
     WORSE,
@@ -100,7 +101,7 @@ class Exact(RobotSearch):
     def _say(self, stage):
         self.replayed.append(stage.split()[1])
 
-    def settle(self, found):
+    def settle(self, found, begun=None):
         borne_out = self.borne_out if found.z.max(initial=0.0) < 8.0 else 1.0
         return replace(found, cost=borne_out * found.cost)
 
@@ -167,6 +168,39 @@ def test_where_curves_keep_what_they_promise_no_large_try_is_replayed():
     search = Exact({}, [8.0], 500.0, borne_out=1.1 * KEPT)
     assert holding(search, gains(30.0)).nats == pytest.approx(1.1 * KEPT * 30.0)
     assert search.at == [0.0]
+
+
+class Leading(RobotSearch):
+    """A search whose curves always lead to 6, while exact replays cost least at 1."""
+
+    def __init__(self):
+        self.model = SimpleNamespace(recentre=self._recentre)
+        self.which, self.at = [0], []
+
+    def _recentre(self, settings, z, which):
+        self.at = [z for _, z in settings]
+
+    def _replayed(self, found):
+        return replace(found, cost=float(10.0 * (found.z[0] - 1.0) ** 2))
+
+    def _fit(self, names, start, noise):
+        return RobotFit(names, np.array([6.0]), noise, 0.0)
+
+
+def test_where_curves_lead_to_worse_a_part_of_the_way_is_gone():
+    search = Leading()
+    begun = search._replayed(RobotFit(("a",), np.array([0.0]), {}, 0.0))
+    found = search.settle(search._fit(("a",), begun.z, {}), begun)
+    assert found.z.tolist() == [PART * 6.0]
+    assert found.cost < begun.cost
+    assert search.at == [PART * 6.0]
+
+
+def test_what_is_nowhere_better_than_it_was_stays():
+    search = Leading()
+    begun = search._replayed(RobotFit(("a",), np.array([1.0]), {}, 0.0))
+    assert search.settle(search._fit(("a",), begun.z, {}), begun) is begun
+    assert search.at == [1.0]
 
 
 def test_an_effect_beside_others_must_gain_more():
