@@ -19,7 +19,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from .tables import Robot
+from .tables import Robot, ServoMount
+
+#: The supply of servos that are on nothing but a bus [V]: what most of them are made for.
+SUPPLY_V = 12.0
 
 
 class OperatingMode(enum.Enum):
@@ -104,6 +107,7 @@ class _Ideal:
 
     command: DriveCommand
     position_rad: float
+    voltage_v: float
     velocity_rad_s: float = 0.0
     since_s: float = 0.0
     state: ServoState | None = None  #: at ``state_s``; at rest it holds for longer
@@ -116,7 +120,8 @@ class IdealPlant:
     Each enabled servo approaches its goal with the time constant ``lag_s``, never faster than its
     velocity limit. It has no inertia, no load and no temperature; duty is the position law's own.
     The motion since a command is known in closed form, so nothing is computed until a servo is
-    looked at, and how often that is changes nothing.
+    looked at, and how often that is changes nothing. ``voltage_v`` [V] is the supply, of all servos
+    or by ID.
     """
 
     def __init__(
@@ -125,15 +130,19 @@ class IdealPlant:
         *,
         lag_s: float = 0.03,
         no_load_velocity_rad_s: float = 6.0,
-        voltage_v: float = 12.0,
+        voltage_v: float | Mapping[int, float] = SUPPLY_V,
     ) -> None:
         if not lag_s > 0.0:
             raise ValueError(f"lag_s must be positive, got {lag_s}")
         self._lag_s = lag_s
         self._no_load = no_load_velocity_rad_s
-        self._voltage_v = voltage_v
         self._now_s = 0.0
-        self._servos = {i: _Ideal(DriveCommand(), 0.0) for i in servo_ids}
+        self._servos = {
+            i: _Ideal(
+                DriveCommand(), 0.0, voltage_v[i] if isinstance(voltage_v, Mapping) else voltage_v
+            )
+            for i in servo_ids
+        }
 
     def advance(self, to_s: float) -> None:
         """Let time go on to ``to_s``."""
@@ -182,7 +191,7 @@ class IdealPlant:
                 duty=position_duty(servo.command, position),
                 torque_nm=0.0,
                 current_a=0.0,
-                voltage_v=self._voltage_v,
+                voltage_v=servo.voltage_v,
                 temperature_c=25.0,
             )
         return state
@@ -195,9 +204,29 @@ class IdealPlant:
 def ideal(robot: Robot) -> IdealPlant:
     """The ideal plant of a robot (the plant named ``ideal`` on the command line)."""
     supply = robot.document.get("supply", {}).get("voltage_v", {})
+    given = supply.get("value")
     return IdealPlant(
-        [servo.servo_id for servo in robot.servos], voltage_v=float(supply.get("value", 12.0))
+        [mount.servo_id for mount in robot.servos],
+        voltage_v={
+            mount.servo_id: supply_v(robot, mount) if given is None else float(given)
+            for mount in robot.servos
+        },
     )
+
+
+def supply_v(robot: Robot, mount: ServoMount) -> float:
+    """What a servo is supplied with [V] where no robot file says it, so that it raises no alarm.
+
+    That is :data:`SUPPLY_V` or, where this is outside the servo's limits, their middle (assumed).
+    """
+    table = robot.tables[mount.servo_id]
+    limits = []
+    for name in ("min_voltage_limit", "max_voltage_limit"):
+        if name not in table or (table[name].initial is None and name not in mount.registers):
+            return SUPPLY_V
+        limits.append(table[name].to_si(mount.registers.get(name, table[name].initial or 0)))
+    low, high = limits
+    return SUPPLY_V if low <= SUPPLY_V <= high else 0.5 * (low + high)
 
 
 def position_duty(command: DriveCommand, position_rad: float) -> float:
