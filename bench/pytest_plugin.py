@@ -57,6 +57,23 @@ def pytest_configure(config: pytest.Config) -> None:
         "markers",
         f"{WALL_MARK}: servo buses of this test are pseudo-terminals in wall-clock time",
     )
+    timing, plant = config.getoption("--busemu-timing"), config.getoption("--busemu-plant")
+    if timing is not None or plant is not None:
+        _check(timing, plant)
+
+
+def _check(timing: str | None, plant: str | None) -> None:
+    """Refuse a profile or a plant that there is not, before any test runs."""
+    from busemu.assemble import plants  # noqa: PLC0415 - not before somebody asks for it
+    from busemu.timing import ProfileError, load_profile  # noqa: PLC0415 - the same
+
+    try:
+        if timing is not None:
+            load_profile(timing)
+    except ProfileError as error:
+        raise pytest.UsageError(f"--busemu-timing: {error}") from None
+    if plant is not None and plant not in plants():
+        raise pytest.UsageError(f"--busemu-plant: {plant!r} is none of {', '.join(plants())}")
 
 
 @pytest.fixture

@@ -118,7 +118,13 @@ def _in_process(
         if plant not in makers:
             raise ServoBusError(f"no plant named {plant!r}: use one of {', '.join(makers)}")
         plant = makers[plant]
-    return VirtualServoBus(robot, plant(robot), load_profile(timing))
+    try:
+        made = plant(robot)
+    except ModuleNotFoundError as error:
+        raise ServoBusError(
+            f"the plant needs {error.name}: pip install 'busemu[sim]', or use plant=\"ideal\""
+        ) from None
+    return VirtualServoBus(robot, made, load_profile(timing))
 
 
 def _on_a_pty(

@@ -10,6 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from bench.testing import ServoBusError, ServoBusMaker
+from busemu.plant import Plant
+from busemu.tables import Robot
+
 pytest_plugins = ["pytester"]
 
 #: A robot's own code, as a user would have it, and the test of it.
@@ -230,7 +234,42 @@ def test_the_command_line_decides_what_a_test_leaves_open(pytester: pytest.Pytes
         """
     )
     pytester.runpytest_subprocess("--busemu-timing", "instant").assert_outcomes(passed=2)
-    pytester.runpytest_subprocess("--busemu-timing", "no-such").assert_outcomes(failed=1, passed=1)
+
+
+@pytest.mark.parametrize("option", ["--busemu-timing", "--busemu-plant"])
+def test_what_the_command_line_misspells_is_refused_once(
+    pytester: pytest.Pytester, option: str
+) -> None:
+    arm(pytester)
+    pytester.makepyfile(TEST)
+    result = pytester.runpytest_subprocess(f"{option}=nope")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert f"ERROR: {option}: " in result.stderr.str()
+    assert "'nope'" in result.stderr.str()
+
+
+def test_a_plant_that_is_not_installed_says_what_to_install(tmp_path: Path) -> None:
+    def absent(robot: Robot) -> Plant:
+        raise ModuleNotFoundError("No module named 'engine'", name="engine")
+
+    maker = ServoBusMaker(folder=lambda: tmp_path)
+    with pytest.raises(ServoBusError, match=r"the plant needs engine: pip install 'busemu\[sim\]'"):
+        maker("marvin", plant=absent)
+
+
+@pytest.mark.pty
+def test_code_that_sleeps_may_be_given_the_time_of_a_pty(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile("""
+        import time
+
+        def test_it_sleeps(servo_bus, monkeypatch):
+            bus = servo_bus("marvin", wall=True)
+            monkeypatch.setattr("time.sleep", bus.run)
+            before_s = bus.now_s()
+            time.sleep(0.01)
+            assert bus.now_s() - before_s >= 0.01
+    """)
+    pytester.runpytest_subprocess().assert_outcomes(passed=1)
 
 
 def test_a_plant_may_be_made_by_the_test(pytester: pytest.Pytester) -> None:
