@@ -43,7 +43,7 @@ def study(
         with stages() as say:
             lines = STUDY[name](folder, seed, say)
     except ImportError as error:
-        fail(f"{error}: a study needs the extra proof: pip install 'busemu[proof]'")
+        fail(f"{error}: pip install 'busemu[hal,sim,bench,proof]'")
     except (OSError, ValueError) as error:
         fail(error)
     except KeyboardInterrupt:

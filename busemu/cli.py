@@ -45,6 +45,9 @@ USER_ERRORS = (
     FaultError,
 )
 
+#: Packages of this project: one of them that cannot be found is no extra that is left out.
+OWN = ("busemu", "hal", "sim", "bench")
+
 app = typer.Typer(
     name="busemu",
     help="A servo bus you can trust without the servos: Dynamixel over a virtual serial port, "
@@ -304,4 +307,15 @@ def main() -> None:
     """Run the command line."""
     for entry in entry_points(group="busemu.commands"):
         app.command(entry.name)(entry.load())
-    app()
+    try:
+        app()
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if not missing or missing in OWN:
+            raise
+        typer.secho(
+            f"busemu: this command needs {missing}: pip install 'busemu[hal,sim,bench]'",
+            fg=typer.colors.RED,
+            err=True,
+        )
+        sys.exit(1)
