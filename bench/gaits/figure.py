@@ -67,7 +67,7 @@ def landscape(result: Result) -> Figure:
         _strides(axes, found, result, scale)
     figure.colorbar(scale.bar, ax=panels[len(result.found) - 1], label="speed, if allowed [mm/s]")
     _course(panels[-1], result)
-    _legend(figure, every)
+    _legend(figure, result, every)
     return figure
 
 
@@ -152,13 +152,13 @@ def _course(axes: Axes, result: Result) -> None:
     axes.axhline(result.original.speed_m_s * 1e3, color=INK, linestyle=":", label="original gait")
     handles, _ = axes.get_legend_handles_labels()
     handles.append(Line2D([], [], marker="o", linestyle="none", color=GOAL, label="checked, mean"))
-    axes.legend(handles=handles, loc="upper left")
+    axes.legend(handles=handles, loc="best")
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("walks")
     axes.set_ylabel("speed [mm/s]")
 
 
-def _legend(figure: Figure, outcomes: Iterable[Outcome]) -> None:
+def _legend(figure: Figure, result: Result, outcomes: Iterable[Outcome]) -> None:
     shown = {reason for outcome in outcomes for reason in outcome.reasons}
     handles: list[Any] = []  # the type hints of matplotlib know no pairs
     labels = []
@@ -169,6 +169,15 @@ def _legend(figure: Figure, outcomes: Iterable[Outcome]) -> None:
             handles.append((cell, point))
             labels.append(reason.value)
     ring = Line2D([], [], marker="o", linestyle="none", color=INK, fillstyle="none", markersize=10)
-    figure.legend(
-        [*handles, ring], [*labels, "chosen"], loc="outside lower left", ncols=len(handles) + 1
-    )
+    handles.append(ring)
+    labels.append("chosen")
+    if any(_has_gaps(found) for found in result.found):
+        handles.append(Patch(facecolor="white", edgecolor=GOAL, linewidth=0.6))
+        labels.append("out of the legs' reach, not walked")
+    figure.legend(handles, labels, loc="outside lower left", ncols=len(handles))
+
+
+def _has_gaps(found: Found) -> bool:
+    """Whether a grid has strides that were not walked."""
+    values = {walk.job.candidate.v_left for walk in found.outcomes}
+    return found.method is Method.GRID and len(found.outcomes) < len(values) ** 2
