@@ -8,13 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .model import Blocks, Kind
+from sim.drive import kernel
+
+from .model import Blocks, Hypothesis, JointModel, Kind
 from .noise import Block
 from .observed import Observed
 
 Floats = NDArray[np.float64]
 
-ENGINE_RAD = 0.0015  #: what two sound simulations of one joint differ by; see docs on two engines
+ENGINE_RAD = 0.0015  #: what two sound simulations of a usual joint differ by, band and all
+SOUND_RAD = 0.0010  #: the same without dry friction, tolerances fitted; see docs on two engines
+REPEATS = 0.05  #: assumed: share by which dry friction is another from one motion to the next
 
 
 def tolerance(floor_rad: float) -> float:
@@ -50,3 +54,36 @@ def _difference(one: Block, other: Block) -> float | None:
         return None
     difference = np.interp(one.t_s[inside], other.t_s, other.value) - one.value[inside]
     return float(np.mean(difference**2) / 2.0)
+
+
+def engines_rad(model: JointModel) -> float:
+    """What two sound simulations of a joint may differ by, as its robot file has it [rad].
+
+    Dry friction holds a joint anywhere within friction over stiffness of where it would rest
+    without (Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994: stiction and
+    presliding), and lets it lag by as much when it moves. Friction is the same from one motion to
+    the next, and from one way to reckon it to another, to some per cent; that share of the band is
+    what no model knows.
+    """
+    bands = [held_band_rad(model, r) for r in range(len(model.observed))]
+    return float(np.hypot(SOUND_RAD, REPEATS * np.sqrt(np.mean(np.square(bands)))))
+
+
+def held_band_rad(model: JointModel, r: int) -> float:
+    """How far to either side dry friction can hold the joint of one recording [rad], as believed.
+
+    Friction at rest over the stiffness of the position law and of gravity, which the mean over the
+    recorded angles has. 0 where no position law holds the joint.
+    """
+    one = model.observed[r]
+    believed = model.candidate(Hypothesis(), np.zeros(len(model.nuisances)), r)
+    drive, start = believed.drive, one.replay.start
+    gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW])) * drive[kernel.GAIN_SCALE]
+    if start[kernel.MODE] != kernel.MODE_POSITION or gain <= 0.0:
+        return 0.0
+    stall = drive[kernel.TORQUE_CONSTANT] * believed.voltage_v / drive[kernel.RESISTANCE]
+    angles, load = one.position.value[one.position.good], believed.load
+    gravity = np.mean(load.sine_nm) * np.mean(np.cos(angles))
+    gravity += np.mean(load.cosine_nm) * np.mean(np.sin(angles))
+    stiffness = gain * stall + max(0.0, float(gravity))
+    return float((drive[kernel.COULOMB] + drive[kernel.STRIBECK]) / stiffness)

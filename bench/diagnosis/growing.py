@@ -18,6 +18,7 @@ from .search import (
     NUMBER_NATS,
     Gain,
     Progress,
+    beside_others,
     confirm,
     drop,
     held_out,
@@ -133,10 +134,9 @@ def _holds(gain: Gain) -> bool:
     outside = gain.held_out
     if outside is None:
         return False
-    nats = outside.nats / gain.inflation
-    if gain.deflated > PLAIN and nats > LIKEWISE * gain.deflated:
+    if gain.deflated > PLAIN and gain.outside > LIKEWISE * gain.deflated:
         return True
-    return nats > HELD_OUT and outside.relief > RELIEF
+    return gain.outside > HELD_OUT and outside.relief > RELIEF
 
 
 def _promising(
@@ -155,16 +155,12 @@ def _together(
 ) -> tuple[Fit, list[Gain]]:
     """Of a set the effects that gain on groups left out beside the others; the least is left."""
     while taken:
-        whole = score_outside(model, now)
-        checked = []
-        for gain in taken:
-            without, *_ = drop(model, now, gain.effect)
-            outside = held_out(score_outside(model, without), whole, floors)
-            checked.append((outside.nats / gain.inflation, replace(gain, held_out=outside)))
-        failing = [pair for pair in checked if not _holds(pair[1])]
+        parts = [(gain, drop(model, now, gain.effect)[0]) for gain in taken]
+        checked = beside_others(model, now, parts, floors)
+        failing = [gain for gain in checked if not _holds(gain)]
         if not failing:
-            return now, [gain for _, gain in checked]
-        worst = min(failing, key=lambda pair: pair[0])[1].effect
+            return now, checked
+        worst = min(failing, key=lambda gain: gain.outside).effect
         now, *_ = drop(model, now, worst)
         taken = [gain for gain in taken if gain.effect != worst]
     return now, []

@@ -27,13 +27,13 @@ from .next_experiment import next_experiments
 from .observed import Observed
 from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
-from .remainder import Remainder, remainder
 from .renewed import load_refresh
+from .rest import Rest, rest_of
 from .result import Cause, Diagnosis, FitSummary, verdict_of
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
-from .search import Progress, held_out, score_outside
-from .settling import explained, is_structured, settle
+from .search import Progress, beside_others
+from .settling import explained, settle
 from .watch import Watch
 
 Floats = NDArray[np.float64]
@@ -89,8 +89,7 @@ def diagnose_joint(
     settled = settle(model, judge if judged else None, before, effects, floor, floors, watch)
     after, taken, effects = settled.after, settled.taken, settled.effects
     rejected = list(settled.rejected)
-    whole = score_outside(model, after) if len(taken) > 1 else []
-    causes, nexts = [], []
+    found, nexts = [], []
     for gain in taken:
         probability, close, fits, without = (
             contemporaries(model, after, gain, settled.confirmed)
@@ -100,21 +99,21 @@ def diagnose_joint(
         if fits and not watch.late:
             tell(f"what would tell {gain.effect} from its rivals")
             nexts += next_experiments(model, after, fits, gain.inflation)
-        outside = gain.held_out
-        if whole:
-            outside = held_out(score_outside(model, without), whole, floors)
-        assert outside is not None
-        causes.append(
-            Cause(
-                effect=gain.effect,
-                scope=(observed[0].joint,),
-                parameters=estimates(model, after, gain.effect),
-                held_out_gain_nats=outside.nats / gain.inflation,
-                explained_share=explained([judge], before, without, after, floor),
-                probability=probability,
-                indistinguishable_from=tuple(close),
-            )
+        found.append((gain, without, probability, close))
+    if len(taken) > 1:
+        taken = beside_others(model, after, [(one[0], one[1]) for one in found], floors)
+    causes = [
+        Cause(
+            effect=gain.effect,
+            scope=(observed[0].joint,),
+            parameters=estimates(model, after, gain.effect),
+            held_out_gain_nats=gain.outside,
+            explained_share=explained([judge], before, without, after, floor),
+            probability=probability,
+            indistinguishable_from=tuple(close),
         )
+        for gain, (_, without, probability, close) in zip(taken, found, strict=True)
+    ]
     lost = lost_samples([*observed, *judged], after.noise[Kind.POSITION].total)
     renewed = renewed or short_refresh(model, after)
     in_data = [cause for cause in (renewed, lost) if cause is not None]
@@ -124,11 +123,10 @@ def diagnose_joint(
         causes.append(play_cause(pushed, observed[0].joint, after.noise[Kind.POSITION].total))
     rejected += () if watch.late else supply_contradiction(model, after, tell)
     tell("looking at what is left")
-    blocks = judge.residuals(after.hypothesis, [after.z])[0]
-    rest = remainder(judge, blocks, seed)
-    left = block_rms(blocks, Kind.POSITION)
+    left = block_rms(judge.residuals(after.hypothesis, [after.z])[0], Kind.POSITION)
+    rest = rest_of(model, judge, after, floor, seed)
     unnamed = any(cause.effect not in seen for cause in in_data)
-    structured = unnamed or is_structured(rest, left, floor)
+    structured = unnamed or rest.structured
     verdict = verdict_of(bool(causes), structured)
     judged_before = judge.residuals(Hypothesis(), [before.z])[0]
     diagnosis = Diagnosis(
@@ -142,7 +140,7 @@ def diagnose_joint(
             held_out=bool(judged),
             recordings=tuple(o.name for o in (judged or observed)),
         ),
-        unexplained=_unexplained(judge, blocks, rest, floor, seed) if structured else (),
+        unexplained=_unexplained(judge, rest, floor, seed) if structured else (),
         next_experiment=tuple(nexts),
         limits=(
             *_limits(model, after, {kind for _, kind in start_blocks}, watch),
@@ -176,9 +174,9 @@ def diagnose_joint(
                 for kind, noise in after.noise.items()
             },
             "remainder": {
-                "predicted_rad": rest.predicted_rad,
-                "share": rest.share,
-                "agreeing": rest.agreeing,
+                "predicted_rad": rest.remainder.predicted_rad,
+                "share": rest.remainder.share,
+                "agreeing": rest.remainder.agreeing,
             },
         },
     )
@@ -203,17 +201,20 @@ def _mismatch(
 
 
 def _unexplained(
-    judge: JointModel, blocks: Blocks, rest: Remainder, floor: float, seed: int
+    judge: JointModel, rest: Rest, floor: float, seed: int
 ) -> tuple[Mapping[str, Any], ...]:
-    places = [p for p in localise(judge.observed, blocks, floor, seed) if p.p_value < SIGNIFICANT]
+    told = rest.remainder
+    places = [
+        p for p in localise(judge.observed, rest.blocks, floor, seed) if p.p_value < SIGNIFICANT
+    ]
     return (
         {
             "channel": "present_position",
             "joints": [judge.observed[0].joint],
-            "predictable_rad": rest.predicted_rad,
-            "share": rest.share,
+            "predictable_rad": told.predicted_rad,
+            "share": told.share,
             "where": [place.phase for place in places] or [EVERYWHERE],
-            "terms": dict(rest.terms),
+            "terms": dict(told.terms),
         },
     )
 

@@ -134,6 +134,11 @@ class JointModel:
             *(part for one in self.observed for part in one.parts()),
         )
 
+    def beside(self, other: JointModel) -> JointModel:
+        """The same joint in the recordings of this model and of another of it."""
+        observed = (*self.observed, *other.observed)
+        return JointModel(self.base, self.robot, observed, self.journal, self._load_refresh_s)
+
     def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
         """Whether number ``k`` of a vector is one that the controller's duty depends on."""
         if k < len(self.nuisances):

@@ -28,6 +28,7 @@ LONGEST_MEMORY_S = 0.5  #: assumed: a misfit that lasts longer is none that nois
 SHORTEST_MEMORY_S = 0.004  #: assumed: faster than this is white at any rate a bus can sample
 ROUGH = {"maxiter": 40, "ftol": 1e-9, "eps": 1e-4}
 FINE = {"maxfev": 60, "xatol": 0.01, "fatol": 0.05}  #: wild samples leave kinks in the likelihood
+NONE = 0.1  #: of the floor: a coloured part below it is as good as none
 CLIP = 3.5  #: innovations beyond so many deviations count as linear, not square (Huber)
 
 
@@ -151,6 +152,14 @@ def estimate(
     def total(x: Floats) -> float:
         return sum(cost(b, of(x)) for b in blocks)
 
-    first = np.clip(np.log([start.white, start.coloured, start.memory_s]), *np.transpose(box))
-    rough = minimize(total, first, method="L-BFGS-B", bounds=box, options=ROUGH)
-    return of(minimize(total, rough.x, method="Nelder-Mead", bounds=box, options=FINE).x)
+    def likeliest(begin: Noise) -> tuple[float, Noise]:
+        first = np.clip(np.log([begin.white, begin.coloured, begin.memory_s]), *np.transpose(box))
+        rough = minimize(total, first, method="L-BFGS-B", bounds=box, options=ROUGH)
+        fine = minimize(total, rough.x, method="Nelder-Mead", bounds=box, options=FINE)
+        return float(fine.fun), of(fine.x)
+
+    best = likeliest(start)
+    if best[1].coloured < NONE * floor:  # there nothing changes any more: no way leads back
+        again = likeliest(Noise(1.2 * floor, 0.5 * floor, 0.1))
+        best = min(best, again, key=lambda pair: pair[0])
+    return best[1]

@@ -11,7 +11,7 @@ is. Then it must hold on recordings the fit has not seen.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -25,13 +25,15 @@ from .intervals import covariances
 from .journal import digest
 from .knobs import AMOUNTS, TWINS, Knob, effect_knobs
 from .limp import LETS_GO, overloads
-from .model import JointModel, Kind
+from .model import Hypothesis, JointModel, Kind
 from .noise import CLIP, huber_weight, whiten
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 SIZES = (0.05, 0.2, 0.7, 2.0, 6.0)  #: of amplitudes, in typical sizes, at which an effect is tried
+#: at which it is tried where all of those are worse than none: gains that nobody set, say, add up
+FINER = (0.003, 0.012)
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
@@ -60,6 +62,11 @@ class Gain:
         """The gain if the likelihood is so much too sure of itself [nats]."""
         return (self.nats - self.relief) / inflation + self.relief
 
+    @property
+    def outside(self) -> float:
+        """What it gains on recordings not used to fit, as it counts [nats]."""
+        return self.held_out.nats / self.inflation if self.held_out is not None else 0.0
+
     def over(self, model: JointModel, base: Fit) -> Gain:
         """The same effect and its fit, over another fit without it."""
         relief = prior_cost(model, base.z) - prior_cost(model, self.fit.z)
@@ -81,12 +88,12 @@ class Gain:
         )
 
 
-def starts(knobs: Sequence[Knob]) -> list[Floats]:
+def starts(knobs: Sequence[Knob], some: Sequence[float] = SIZES) -> list[Floats]:
     """Values of an effect's knobs to try: amplitudes together, shapes in all combinations."""
     choices: list[tuple[float, ...]] = []
     amplitudes = [k for k in knobs if not k.parameter.shape]
     two_sided = len(amplitudes) == 1 and amplitudes[0].bounds[0] < 0.0
-    sizes = (*SIZES, *(-s for s in SIZES)) if two_sided else SIZES
+    sizes = (*some, *(-s for s in some)) if two_sided else some
     for knob in knobs:
         if knob.parameter.shape:
             low, high = knob.bounds
@@ -102,8 +109,17 @@ def starts(knobs: Sequence[Knob]) -> list[Floats]:
     return tried
 
 
+def times(knobs: Sequence[Knob]) -> bool:
+    """Whether an effect is of a time: less than a tick of the firmware of it is nothing."""
+    return any(k.parameter.unit == "s" for k in knobs if not k.parameter.shape)
+
+
 def vectors_to_try(
-    model: JointModel, base: Fit, effect: Effect, knobs: Sequence[Knob]
+    model: JointModel,
+    base: Fit,
+    effect: Effect,
+    knobs: Sequence[Knob],
+    some: Sequence[float] = SIZES,
 ) -> list[Floats]:
     """Vectors with an effect on: of several sizes, and in the place of a nuisance like it.
 
@@ -121,7 +137,7 @@ def vectors_to_try(
     names = [n.name for n in model.nuisances]
     twin = TWINS.get(effect.name)
     if twin not in names:
-        return [np.concatenate([z, x]) for z in origins for x in starts(knobs)]
+        return [np.concatenate([z, x]) for z in origins for x in starts(knobs, some)]
     k = names.index(twin)
     away = base.z[k] * model.nuisances[k].deviation / knobs[0].unit
     if twin in AMOUNTS:
@@ -130,7 +146,7 @@ def vectors_to_try(
         away = 0.0
     if knobs[0].parameter.typical < knobs[0].parameter.off:
         away = -away
-    sizes = [0.5 * away, away, 1.5 * away, *(away + float(x[0]) for x in starts(knobs))]
+    sizes = [0.5 * away, away, 1.5 * away, *(away + float(x[0]) for x in starts(knobs, some))]
     tried = []
     for origin in origins:
         z = origin.copy()
@@ -185,24 +201,28 @@ def _ranking(
         return float(np.sum(np.where(size < CLIP, size**2, 2.0 * CLIP * size - CLIP**2)))
 
     before = left(residual)
-    ranking = []
-    for effect in effects:
-        knobs = effect_knobs(effect)
-        if effect.name in base.hypothesis.effects:
-            continue
-        hypothesis = base.hypothesis + knobs
-        tries = vectors_to_try(model, base, effect, knobs)
+
+    def tried(hypothesis: Hypothesis, tries: Sequence[Floats]) -> Iterator[tuple[float, Floats]]:
         found = model.residuals(hypothesis, tries, which)
-        best = (-np.inf, tries[0])
         for x, blocks in zip(tries, found, strict=True):
             rows = [
                 whiten(b, base.noise[key[1]], b.value[:, None])[0][:, 0]
                 for key, b in blocks.items()
             ]
             gain = 0.5 * len(residual) * float(np.log(before / left(np.concatenate(rows))))
-            gain += 0.5 * float(np.sum(base.z[:count] ** 2) - np.sum(x[:count] ** 2))
-            if gain > best[0]:
-                best = (gain, x)
+            yield gain + 0.5 * float(np.sum(base.z[:count] ** 2) - np.sum(x[:count] ** 2)), x
+
+    ranking = []
+    for effect in effects:
+        knobs = effect_knobs(effect)
+        if effect.name in base.hypothesis.effects:
+            continue
+        hypothesis = base.hypothesis + knobs
+        best = (-np.inf, np.append(base.z, np.zeros(len(knobs))))
+        for some in (SIZES, FINER):
+            if best[0] <= 0.0 and (some is SIZES or not times(knobs)):
+                tries = vectors_to_try(model, base, effect, knobs, some)
+                best = max([best, *tried(hypothesis, tries)], key=lambda pair: pair[0])
         ranking.append((best[0], effect.name, best[1]))
     return sorted(ranking, key=lambda row: -row[0])
 
@@ -287,6 +307,23 @@ def held_out(
             fall -= sum(s.squares.get(kind, 0.0) for s in with_it)
             falls.append(fall / count / floor**2)
     return Outside(float(nats), float(max(falls)), float(-min(falls)))
+
+
+def beside_others(
+    model: JointModel,
+    now: Fit,
+    parts: Sequence[tuple[Gain, Fit]],
+    floors: Mapping[Kind, float],
+) -> list[Gain]:
+    """What every effect of a hypothesis gains on groups left out, beside the others.
+
+    ``parts`` are the effects, each with the fit of the hypothesis without it.
+    """
+    whole = score_outside(model, now)
+    return [
+        replace(gain, held_out=held_out(score_outside(model, without), whole, floors))
+        for gain, without in parts
+    ]
 
 
 def drop(model: JointModel, now: Fit, name: str) -> tuple[Fit, Gain]:

@@ -12,31 +12,24 @@ from scipy.stats import chi2
 from sim.effects import Effect
 
 from .fit import Fit, block_rms
-from .floor import ENGINE_RAD, tolerance
 from .growing import grow
 from .intervals import Spread
 from .model import JointModel, Kind
-from .remainder import Remainder, remainder
+from .rest import rest_of
 from .search import (
     HARM,
     HELD_OUT,
     Gain,
     Progress,
+    beside_others,
     drop,
-    held_out,
     inside,
-    score_outside,
 )
 from .veto import BEHIND, objection
 from .watch import Watch
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 SPOILT = 0.1  #: of the mean square that a name takes off the others, which must be spoilt there
-STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
-ENGINES = 1.2  #: times what two engines usually differ by: so large a rest may be that alone
-MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
-STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
-STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
 SURE = 0.99  #: that an effect is there at all: what it gains, by the widest account of its size
 LITTLE = 0.25  #: share of a misfit that a name must explain, where much of it is left
 HARMFUL = "it makes recordings that were not used to fit worse"
@@ -171,10 +164,9 @@ def _unsure(
         if spread.seen_by_steps(sizes) and likely < chi2.ppf(SURE, len(sizes)):
             return Denied(gain, NOTHING, again=False)
     if len(taken) > 1:
-        whole = score_outside(model, after)
-        for gain in taken[::-1]:
-            outside = held_out(score_outside(model, without[gain.effect]), whole, floors)
-            if outside.nats / gain.inflation < HELD_OUT:
+        parts = [(gain, without[gain.effect]) for gain in taken[::-1]]
+        for gain in beside_others(model, after, parts, floors):
+            if gain.outside < HELD_OUT:
                 return Denied(gain, ALONE, again=False)
     return None
 
@@ -188,9 +180,7 @@ def _little(
     floor: float,
 ) -> Denied | None:
     """A name that explains little, where much is left: the cause is another, or one more."""
-    blocks = judge.residuals(after.hypothesis, [after.z])[0]
-    left = block_rms(blocks, Kind.POSITION)
-    if not taken or not is_structured(remainder(judge, blocks), left, floor):
+    if not taken or not rest_of(model, judge, after, floor).structured:
         return None
     everywhere = list(dict.fromkeys((model, judge)))
     for gain in taken[::-1]:
@@ -217,12 +207,3 @@ def explained(
     if explainable <= 0.0:
         return 0.0
     return float(np.clip((squares[1] - squares[2]) / explainable, -1.0, 1.0))
-
-
-def is_structured(rest: Remainder, left_rad: float, floor: float) -> bool:
-    """Whether a rest is predictable enough, or so large, that it is called unexplained."""
-    return left_rad > MISFIT * tolerance(floor) or bool(
-        rest.predicted_rad > np.hypot(STRUCTURE * floor, ENGINES * ENGINE_RAD)
-        and rest.share > STRUCTURE_SHARE
-        and rest.agreeing >= STRUCTURE_AGREEING
-    )

@@ -132,3 +132,26 @@ def test_no_neighbour_is_likelier_than_the_estimate(factor):
         Noise(found.white, found.coloured, found.memory_s * factor),
     ):
         assert cost(block, other) > cost(block, found)
+
+
+def test_a_coloured_part_is_found_beside_a_known_variance_that_is_far_greater():
+    """Most of what is seen is known; what is left is a little, and lasts."""
+    floor, coloured, memory_s = 3e-4, 2e-4, 0.38
+    random = np.random.default_rng(3)
+    blocks = []
+    for _ in range(4):
+        t_s = 0.005 * np.arange(1000)
+        extra = np.where(np.sin(3.0 * t_s) > 0.0, 2e-3, 1e-5) ** 2
+        keep = np.exp(-0.005 / memory_s)
+        slow = np.empty(1000)
+        slow[0] = coloured * random.normal()
+        for k in range(1, 1000):
+            slow[k] = keep * slow[k - 1] + coloured * np.sqrt(1 - keep**2) * random.normal()
+        white = np.sqrt(extra + floor**2) * random.normal(size=1000)
+        blocks.append(Block(t_s, slow + white, extra))
+    found = estimate(blocks, floor)
+    true = Noise(floor, coloured, memory_s)
+    assert sum(cost(b, found) for b in blocks) < sum(cost(b, true) for b in blocks)
+    assert found.coloured == pytest.approx(coloured, rel=0.3)
+    gone = Noise(floor, 1e-3 * floor, 0.5)
+    assert estimate(blocks, floor, gone).coloured == pytest.approx(found.coloured, rel=0.05)

@@ -12,7 +12,7 @@ from bench.diagnosis.noise import Block
 from bench.diagnosis.regimes import EVERYWHERE, STRETCH_S, localise, regimes, shares, top_speed
 from bench.diagnosis.remainder import remainder
 from bench.diagnosis.report.telling import remains
-from bench.diagnosis.settling import is_structured
+from bench.diagnosis.rest import Rest, is_structured
 
 SIZE_RAD = 0.01
 FLOOR_RAD = 0.0005
@@ -144,7 +144,7 @@ def sticking(one, random):
 
 def test_a_rest_that_recordings_agree_about_is_structured(model):
     rest = remainder(model, planted(model, sticking))
-    assert is_structured(rest, FLOOR_RAD, FLOOR_RAD)
+    assert is_structured(rest, FLOOR_RAD, FLOOR_RAD, ENGINE_RAD)
     assert rest.share > 0.3
     assert rest.agreeing == 1.0
     assert rest.terms[0][0] in ("direction", "velocity")
@@ -154,7 +154,7 @@ def test_a_rest_that_recordings_agree_about_is_structured(model):
 def test_noise_is_no_structure_however_large(model):
     for size in (1.0, 10.0):
         rest = remainder(model, planted(model, lambda one, random, k=size: k * noise(one, random)))
-        assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD)
+        assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD, ENGINE_RAD)
         assert rest.share < 0.1
 
 
@@ -167,12 +167,12 @@ def test_slow_noise_that_recordings_do_not_share_is_no_structure(model):
         return SIZE_RAD * (wander - wander.mean())
 
     rest = remainder(model, planted(model, drift))
-    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD)
+    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD, ENGINE_RAD)
 
 
 def test_a_rest_of_nothing_is_none(model):
     rest = remainder(model, planted(model, lambda one, random: 0.0 * noise(one, random)))
-    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD)
+    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD, ENGINE_RAD)
     assert rest.predicted_rad == 0.0
 
 
@@ -181,20 +181,22 @@ def test_noise_of_a_single_group_is_no_structure():
     single = model_of(logs(motions=["fast", "slow"], groups=["one", "one"]))
     rest = remainder(single, planted(single, lambda one, random: 5.0 * noise(one, random)))
     assert rest.share < 0.1
-    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD)
+    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD, ENGINE_RAD)
 
 
 def test_halves_of_a_single_recording_judge_each_other():
     single = model_of(logs(motions=["fast"]))
     rest = remainder(single, planted(single, lambda one, random: 5.0 * noise(one, random)))
-    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD)
-    assert is_structured(remainder(single, planted(single, sticking)), FLOOR_RAD, FLOOR_RAD)
+    assert not is_structured(rest, FLOOR_RAD, FLOOR_RAD, ENGINE_RAD)
+    assert is_structured(
+        remainder(single, planted(single, sticking)), FLOOR_RAD, FLOOR_RAD, ENGINE_RAD
+    )
 
 
 def test_a_rest_that_has_no_place_is_everywhere(model):
     rest = remainder(model, planted(model, sticking))
     quiet = planted(model, lambda one, random: 0.0 * noise(one, random))
-    (told,) = left(model, quiet, rest, FLOOR_RAD, 0)
+    (told,) = left(model, Rest(quiet, rest, True), FLOOR_RAD, 0)
     assert told["where"] == [EVERYWHERE]
     assert remains(told).count("everywhere") == 1
 

@@ -33,6 +33,7 @@ from bench.diagnosis.search import (
     vectors_to_try,
 )
 from sim.effects import effect
+from sim.stepped import TICK_S
 
 KNOWN = ("load_friction", "transport_delay", "dead_zone", "torque_limit")
 TRUTHS = {
@@ -324,3 +325,24 @@ def test_an_effect_taken_out_of_the_catalogue_is_not_tried():
     assert len(left) == len(joint_effects()) - 2
     with pytest.raises(DiagnosisError, match="no effect named 'gravity'"):
         without_effects(["gravity"])
+
+
+def test_an_effect_that_shows_at_a_hundredth_of_its_typical_size_is_screened_there():
+    """Of an integral a little is much: it adds up."""
+    truth = {"integral_action": {"gain_per_rad_s": 0.03}}
+    model = model_of(logs(truth))
+    base = base_of(model)
+    integral, other = effect("integral_action"), effect("punch")
+    (best, name, start), _ = screen(model, base, [integral, other])
+    (knob,) = effect_knobs(integral)
+    assert name == "integral_action"
+    assert best > 0.0
+    assert 0.0 < knob.value(float(start[-1])) < 2.0 * 0.03
+
+
+def test_a_time_is_not_screened_below_a_tick_of_the_firmware(monkeypatch):
+    monkeypatch.setattr("bench.diagnosis.search.SIZES", (6.0,))  # all far too great
+    model = model_of(logs())
+    ((_, _, start),) = screen(model, base_of(model), [effect("transport_delay")])
+    (knob,) = effect_knobs(effect("transport_delay"))
+    assert knob.value(float(start[-1])) >= TICK_S

@@ -1,0 +1,60 @@
+"""Whether what is left is noise, what two sound simulations may differ by, or unexplained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .fit import Fit, block_rms, fit
+from .floor import engines_rad
+from .model import Blocks, JointModel, Kind
+from .remainder import Remainder, remainder
+
+STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
+ENGINES = 1.2  #: times what two engines usually differ by: so large a rest may be that alone
+MISFIT = 2.5  #: floors that a rest may be before it is called unexplained, predictable or not
+STRUCTURE_SHARE = 0.15  #: of the squared rest that must be predictable
+STRUCTURE_AGREEING = 0.6  #: share of the recordings that must agree
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What a fit leaves of the recordings that judge it, and what can be predicted of that."""
+
+    blocks: Blocks
+    remainder: Remainder
+    structured: bool  #: whether it is called unexplained
+
+
+def rest_of(model: JointModel, judge: JointModel, found: Fit, floor: float, seed: int = 0) -> Rest:
+    """What a fit to ``model`` leaves of ``judge``, which may be the same.
+
+    Nuisances are known no better than the recordings that were fitted tell them, and a little off
+    there may be much where a motion is another. So a rest that seems structured is looked at again
+    after a fit to all recordings: what tolerances take up there lacks no physics.
+    """
+    rest = _rest(judge, found, floor, seed)
+    if judge is model or not rest.structured:
+        return rest
+    everything = model.beside(judge)
+    return _rest(judge, fit(everything, found.hypothesis, found.z, found.noise), floor, seed)
+
+
+def _rest(judge: JointModel, found: Fit, floor: float, seed: int) -> Rest:
+    blocks = judge.residuals(found.hypothesis, [found.z])[0]
+    told = remainder(judge, blocks, seed)
+    left = block_rms(blocks, Kind.POSITION)
+    return Rest(blocks, told, is_structured(told, left, floor, engines_rad(judge)))
+
+
+def is_structured(rest: Remainder, left_rad: float, floor: float, engines: float) -> bool:
+    """Whether a rest is predictable enough, or so large, that it is called unexplained.
+
+    ``floor`` is the noise's deviation, ``engines`` what two engines may differ by [rad].
+    """
+    return left_rad > MISFIT * float(np.hypot(floor, engines)) or bool(
+        rest.predicted_rad > np.hypot(STRUCTURE * floor, ENGINES * engines)
+        and rest.share > STRUCTURE_SHARE
+        and rest.agreeing >= STRUCTURE_AGREEING
+    )

@@ -1,0 +1,91 @@
+"""What is left: what engines may differ by, what tolerances take up, and what is unexplained."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pendulum_logs import JOINT, logs, model_of, robot
+
+from bench.diagnosis.fit import Fit, estimate_noise
+from bench.diagnosis.floor import REPEATS, SOUND_RAD, engines_rad, held_band_rad, noise_floor
+from bench.diagnosis.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.observed import observe
+from bench.diagnosis.remainder import Remainder
+from bench.diagnosis.rest import is_structured, rest_of
+from sim.drive import kernel
+from sim.model import read_model
+
+
+def slow():
+    return observe(logs(motions=["slow"]), robot(), JOINT)
+
+
+def rough_by(coulomb_nm, observed=None):
+    """The pendulum, with another dry friction believed of it."""
+    base = read_model(robot())
+    (joint,) = base.joints
+    friction = replace(joint.drive.friction, coulomb_nm=coulomb_nm, stribeck_nm=0.0)
+    joint = replace(joint, drive=replace(joint.drive, friction=friction))
+    return JointModel(replace(base, joints=(joint,)), robot(), observed or slow())
+
+
+def test_the_band_in_which_friction_holds_a_joint_goes_with_friction():
+    one, other = (held_band_rad(rough_by(nm), 0) for nm in (0.02, 0.05))
+    assert one > 0.0
+    assert other == pytest.approx(2.5 * one)
+
+
+def test_the_band_is_friction_over_the_stiffness_of_position_law_and_gravity():
+    model = rough_by(0.02)
+    (one,) = model.observed
+    believed = model.candidate(Hypothesis(), np.zeros(len(model.nuisances)), 0)
+    away = 0.02 / held_band_rad(model, 0)  # what holds it for a radian off its goal [N m]
+    stall = believed.drive[kernel.TORQUE_CONSTANT] * believed.voltage_v
+    law = one.replay.start[kernel.GAIN_CW] * stall / believed.drive[kernel.RESISTANCE]
+    assert law < away < law + believed.load.moment_nm
+
+
+def test_engines_differ_by_a_share_of_the_band_and_never_by_less_than_sound_ones():
+    assert engines_rad(rough_by(0.0)) == SOUND_RAD
+    model = rough_by(0.05)
+    wanted = np.hypot(SOUND_RAD, REPEATS * held_band_rad(model, 0))
+    assert engines_rad(model) == pytest.approx(wanted)
+
+
+def test_what_no_position_law_holds_has_no_band():
+    (one,) = slow()
+    start = one.replay.start.copy()
+    start[kernel.MODE] = kernel.MODE_PWM
+    free = replace(one, replay=replace(one.replay, start=start))
+    assert held_band_rad(rough_by(0.05, [free]), 0) == 0.0
+
+
+@pytest.mark.parametrize(("engines", "structured"), [(0.001, True), (0.002, False)])
+def test_a_rest_is_unexplained_only_beyond_what_engines_may_differ_by(engines, structured):
+    rest = Remainder(0.002, 0.9, 1.0, ())
+    assert is_structured(rest, 0.0021, 0.0005, engines) is structured
+
+
+def believed_of(recordings):
+    """A model with all tolerances as believed, its fit, and its noise floor."""
+    model = model_of(recordings)
+    z = np.zeros(len(model.nuisances))
+    blocks = model.residuals(Hypothesis(), [z])[0]
+    found = Fit(Hypothesis(), z, estimate_noise(model, blocks), 0.0)
+    return model, found, noise_floor(model.observed, blocks)
+
+
+@pytest.mark.parametrize(
+    ("truth", "structured"),
+    [
+        ({"gain_error": {"scale": 0.95}}, False),
+        ({"dead_zone": {"margin_rad": 0.05}}, True),
+    ],
+)
+def test_what_tolerances_take_up_in_all_recordings_lacks_no_physics(truth, structured):
+    model, found, floor = believed_of(logs(truth, motions=["slow", "fast"]))
+    judge, *_ = believed_of(logs(truth, motions=["steps", "swell"]))
+    assert rest_of(judge, judge, found, floor).structured
+    rest = rest_of(model, judge, found, floor)
+    assert rest.structured is structured
+    assert Kind.POSITION in {kind for _, kind in rest.blocks}
