@@ -19,6 +19,7 @@ from .believed import JOINT, robot_toml
 from .case import Asked, Case, Kind, draw
 from .changes import Truth
 from .conceal import disguise
+from .imitation import left_of
 from .legged_case import LeggedCase, draw_legged, nuisance_document, stance_share
 from .legged_sizing import legged_floor, passing
 from .measure import Measured, record
@@ -95,7 +96,7 @@ class JointDraft:
         """See :class:`Draft`."""
         case, where = self.case, self.case.ground
         _, truths = case.truth(where.programme.runs[0].plan)
-        told = []
+        told: list[dict[str, Any]] = []
         for hidden, truth in truths:
             gate = hidden.how.gate
             told.append(
@@ -110,13 +111,18 @@ class JointDraft:
                     "channel": hidden.effect.channel,
                 }
             )
+        masks = len(case.ordinary)
+        effects = [
+            {**one, "left": dataclasses.asdict(left_of(case, i))}
+            for i, one in enumerate(told[masks:])
+        ]
         return {
             "concealment": case.concealment.value,
             "rig": where.rig.name,
             "programme": where.programme.name,
             "style": where.style.name,
-            "effects": told[len(case.ordinary) :],
-            "ordinary": told[: len(case.ordinary)],
+            "effects": effects,
+            "ordinary": told[:masks],
             "nuisances": case.nuisances.document(),
             "rival": dataclasses.asdict(case.rival) if case.rival else {},
             "disguise": self._guise,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,6 +14,23 @@ from .host import Line
 from .specimen import Numerics, Specimen
 
 DEGREE = math.radians(1.0)
+#: how far what moves a joint may be from what is believed, either way: the operator's tolerances
+TOLERANCES: Mapping[str, float] = MappingProxyType(
+    {
+        "link_mass_factor": 0.05,
+        "payload_factor": 0.05,
+        "com_x_m": 0.003,
+        "com_z_m": 0.003,
+        "zero_rad": DEGREE,
+        "torque_constant_factor": 0.10,
+        "coulomb_factor": 0.30,
+        "viscous_factor": 0.30,
+        "supply_factor": 0.015,
+        "tilt_x_rad": DEGREE,
+        "tilt_y_rad": DEGREE,
+    }
+)
+DROOP_1_S = 0.001  #: a battery falls by up to so much of the rated voltage in a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,23 +108,24 @@ class Nuisances:
 
 def draw_nuisances(random: np.random.Generator, rated_voltage_v: float) -> Nuisances:
     """Nuisances within their bounds: uniform, so that no bound is ever passed."""
+    none = Nuisances()
 
-    def about(share: float) -> float:
-        return 1.0 + share * random.uniform(-1.0, 1.0)
+    def about(name: str) -> float:
+        return float(getattr(none, name)) + TOLERANCES[name] * random.uniform(-1.0, 1.0)
 
     return Nuisances(
-        link_mass_factor=about(0.05),
-        payload_factor=about(0.05),
-        com_x_m=0.003 * random.uniform(-1.0, 1.0),
-        com_z_m=0.003 * random.uniform(-1.0, 1.0),
-        zero_rad=DEGREE * random.uniform(-1.0, 1.0),
-        torque_constant_factor=about(0.10),
-        coulomb_factor=about(0.30),
-        viscous_factor=about(0.30),
-        supply_factor=about(0.015),
-        droop_v_s=rated_voltage_v * 0.001 * random.uniform(0.0, 1.0),
-        tilt_x_rad=DEGREE * random.uniform(-1.0, 1.0),
-        tilt_y_rad=DEGREE * random.uniform(-1.0, 1.0),
+        link_mass_factor=about("link_mass_factor"),
+        payload_factor=about("payload_factor"),
+        com_x_m=about("com_x_m"),
+        com_z_m=about("com_z_m"),
+        zero_rad=about("zero_rad"),
+        torque_constant_factor=about("torque_constant_factor"),
+        coulomb_factor=about("coulomb_factor"),
+        viscous_factor=about("viscous_factor"),
+        supply_factor=about("supply_factor"),
+        droop_v_s=rated_voltage_v * DROOP_1_S * random.uniform(0.0, 1.0),
+        tilt_x_rad=about("tilt_x_rad"),
+        tilt_y_rad=about("tilt_y_rad"),
         ambient_c=random.uniform(20.0, 28.0),
         voltage_offset_v=0.05 * random.uniform(-1.0, 1.0),
         hold_phase_s=0.13 * random.random(),
@@ -118,6 +138,20 @@ def draw_nuisances(random: np.random.Generator, rated_voltage_v: float) -> Nuisa
         integrator=str(random.choice(["Euler", "implicitfast", "implicit"])),
         solver=str(random.choice(["Newton", "CG", "PGS"])),
     )
+
+
+def bounds(rated_voltage_v: float) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of every nuisance that moves a joint; all between is as likely.
+
+    Left out are those that change nothing but what other registers show, how finely an engine
+    counts, and when samples are taken (together less than 0.2 ms).
+    """
+    none = Nuisances()
+    found = {
+        name: (getattr(none, name) - most, getattr(none, name) + most)
+        for name, most in TOLERANCES.items()
+    }
+    return found | {"droop_v_s": (0.0, rated_voltage_v * DROOP_1_S)}
 
 
 @dataclass(frozen=True, slots=True)

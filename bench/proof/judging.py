@@ -61,6 +61,7 @@ class Judged:
     hidden: tuple[str, ...]
     ordinary: tuple[str, ...]
     ratio: float  #: of the smallest concealed effect to the detection floor; nan: none is
+    left: float  #: the same of what tolerances cannot imitate; nan: not measured, too
     failure: str
     verdict: str
     named: tuple[Named, ...]
@@ -117,6 +118,7 @@ def judge(
         causes = merged(causes)
     named = _labelled(causes, findable, ordinary, sight)
     ratios = [float(effect["ratio"]) for effect in key["effects"]]
+    left = [float(effect["left"]["ratio"]) for effect in key["effects"] if effect.get("left")]
     first, second = _guesses(causes, named)
     classes = [same(name, sight) for name in findable]
     stated = _stated(causes, named)
@@ -134,6 +136,7 @@ def judge(
         hidden=hidden,
         ordinary=ordinary,
         ratio=min(ratios, default=math.nan),
+        left=min(left, default=math.nan),
         failure=told["failure"],
         verdict=diagnosis["verdict"] if diagnosis else "failed",
         named=named,

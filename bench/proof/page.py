@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -126,14 +127,14 @@ def _stages(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _cases(cases: Sequence[Judged]) -> str:
     lines = ["<div class='scroll'><table><tr><th>case<th>on<th>kind<th>concealed<th>hidden"]
-    lines.append("<th>size<th>verdict<th>named<th>right<th>found in")
+    lines.append("<th>size<th>left<th>verdict<th>named<th>right<th>found in")
     for c in cases:
         named = ", ".join(f"{n.effect} {n.probability:.2f}" for n in c.named)
         hidden = ", ".join((*c.hidden, *(f"({n})" for n in c.ordinary)))
-        size = "" if not c.hidden else f"{c.ratio:.2g}"
+        size, left = ("" if math.isnan(r) else f"{r:.2g}" for r in (c.ratio, c.left))
         verdict = f"{c.verdict} {c.failure}".strip()
         cells = (
-            *(c.case, c.rig, c.kind, c.concealment, hidden, size),
+            *(c.case, c.rig, c.kind, c.concealment, hidden, size, left),
             *(verdict, named, _right(c), _found_in(c)),
         )
         lines.append("<tr>" + "".join(f"<td>{escape(cell)}" for cell in cells))

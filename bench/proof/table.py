@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ COLUMNS = (
     "hidden",
     "ordinary",
     "ratio",
+    "ratio_left",
     "verdict",
     "named",
     "labels",
@@ -60,6 +62,7 @@ def line(c: Judged) -> Mapping[str, Any]:
         "hidden": " ".join(c.hidden),
         "ordinary": " ".join(c.ordinary),
         "ratio": f"{c.ratio:.3g}",
+        "ratio_left": "" if math.isnan(c.left) else f"{c.left:.3g}",
         "verdict": c.verdict,
         "named": " ".join(f"{n.effect}:{n.probability:.3f}" for n in c.named),
         "labels": " ".join(n.label for n in c.named),

@@ -11,10 +11,11 @@ from sim.effects import catalogue
 TOLD = {"seconds": 12.0, "failure": ""}
 
 
-def effect(name, ratio=5.0, **parameters):
-    """An effect as a key has it; parameters as (value, off)."""
+def effect(name, ratio=5.0, left=None, **parameters):
+    """An effect as a key has it; parameters as (value, off), ``left`` as a ratio."""
     told = {k: {"value": v, "unit": "", "off": off} for k, (v, off) in parameters.items()}
-    return {"effect": name, "ratio": ratio, "parameters": told}
+    found = {"effect": name, "ratio": ratio, "parameters": told}
+    return found if left is None else found | {"left": {"ratio": left, "imitation": {}}}
 
 
 def key(kind="single", *effects, ordinary=(), style="fast", rig="xl330-pendulum", **more):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 
 import numpy as np
 import pytest
@@ -77,6 +78,43 @@ def test_naming_is_counted_by_size(rows):
     )
     assert more["named_below_floor"]["n"] == 1
     assert more["named_below_floor"]["nothing_named"]["value"] == 1.0
+
+
+def left(ratio, beside_tolerances, *causes):
+    hidden = effect("backlash", ratio, beside_tolerances, width_rad=(0.02, 0.0))
+    return judged(key("single", hidden), diagnosis(*causes))
+
+
+def test_naming_is_counted_by_what_tolerances_leave_too():
+    cases = [
+        left(8.0, 3.0, RIGHT),
+        left(8.0, 2.9, WRONG),  # no slack: what is left is measured, not asked for
+        left(8.0, 1.0, RIGHT),
+        left(3.0, 0.4),
+        left(0.9, 0.9),
+        single(8.0, RIGHT),  # a key of before: nobody measured
+        judged(key("null"), diagnosis()),
+        judged(
+            key("pair", effect("backlash", 5.0, 4.0, width_rad=(0.02, 0.0)), PUNCH), diagnosis()
+        ),
+    ]
+    found, more = score(cases), beside(cases)
+    counted = {
+        name: (row["value"], row["n"]) for name, row in (found | more).items() if "left" in name
+    }
+    assert counted == {
+        "named_at_3_floor_left": (1.0, 1),
+        "named_at_1_to_3_floor_left": (0.5, 2),
+        "named_below_floor_left": (0.0, 2),
+    }
+    assert found["named_at_3_floor"]["n"] == 5  # sizes are what they were
+    assert found["named_at_3_floor_left"]["top_2"]["great"] == 0.99
+
+
+def test_what_is_left_of_several_is_that_of_the_smallest():
+    pair = judged(key("pair", effect("backlash", 5.0, 4.0), effect("punch", 5.0, 0.5)), diagnosis())
+    assert (pair.ratio, pair.left) == (5.0, 0.5)
+    assert math.isnan(judged(key("null"), diagnosis()).left)
 
 
 def test_alarms_and_wrong_names_are_counted(rows):
@@ -155,7 +193,7 @@ def test_a_score_is_json_that_others_can_read(rows):
 
 
 def test_the_table_has_every_case_in_a_line(tmp_path):
-    cases = [single(5.0, RIGHT), judged(key("null"), None, failure="took too long")]
+    cases = [left(5.0, 2.345, RIGHT), judged(key("null"), None, failure="took too long")]
     write_table(cases, tmp_path / "cases.csv")
     with (tmp_path / "cases.csv").open(newline="") as file:
         lines = list(csv.DictReader(file))
@@ -164,3 +202,4 @@ def test_the_table_has_every_case_in_a_line(tmp_path):
     assert lines[0]["parameters"] == "backlash.width_rad=0.022[0.018;0.026]"
     assert lines[0]["true_parameters"] == "backlash.width_rad=0.02"
     assert lines[1]["failure"] == "took too long"
+    assert [(line["ratio"], line["ratio_left"]) for line in lines] == [("5", "2.35"), ("nan", "")]

@@ -1,0 +1,132 @@
+"""What of an effect is left beside the tolerances: what no nuisance within its bounds imitates.
+
+A size is measured with all else known. Whoever diagnoses is told a mass within 5 % and a friction
+within 30 %, and cannot see an effect that these can imitate. So a case's trace, as the case truly
+is, is held against the same case without the effect, where every nuisance that moves the joint may
+have any value within its bounds (nuisances are uniform there), and every other part, be it another
+hidden effect or an ordinary misfit, any size from nothing to its double. The least RMS difference
+over the noise floor, in the groups that are for fitting, is what is left.
+
+It is a bounded least squares: tangents by finite differences where the case truly is, then steps,
+each of which is rolled out, and tangents mended by what came of it (Broyden, Math. Comp. 19, 1965).
+What is told was rolled out: a local minimum can make it too large, nothing too small.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from .case import Case, Hidden
+from .nuisances import bounds
+from .sizing import EDGE, noise_floor, observe, rms
+
+Floats = NDArray[np.float64]
+
+STEPS = 4  #: at most
+ENOUGH = 0.02  #: a step that promises less, in noise floors, is not taken
+PART_STEP = 0.2  #: share of another part's size, for its tangent
+PART_MOST = 2.0  #: of the size that another part has
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What no nuisance can imitate, and by what the rest is imitated best."""
+
+    ratio: float  #: RMS of the difference over the noise floor
+    imitation: Mapping[str, float]  #: values of nuisances, sizes of other parts
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """A number of a case that whoever diagnoses does not know."""
+
+    name: str
+    now: float  #: in truth
+    low: float
+    high: float
+    step: float  #: for its tangent, towards the further bound; the unit of what follows
+    part: int | None = None  #: among the other parts; none: a nuisance
+
+    def value(self, units: float) -> float:
+        """The number so many steps from the truth."""
+        return min(max(self.now + units * self.step, self.low), self.high)
+
+
+def left_of(case: Case, index: int) -> Left:
+    """What is left of one of the hidden effects of a case, beside all else in it."""
+    channel = case.hidden[index].effect.channel
+    without = dataclasses.replace(case, hidden=_but(case.hidden, index))
+    free = _free(without)
+    floor = noise_floor(case.ground.key, channel)
+    true = _seen(case, channel)
+
+    def rest_at(units: Floats) -> Floats:
+        return true - _seen(_moved(without, free, units), channel)
+
+    at = np.zeros(len(free))
+    rest = rest_at(at)
+    tangents = np.stack([rest - rest_at(one) for one in np.eye(len(free))], axis=1)
+    ends = np.array([[(f.low - f.now) / f.step, (f.high - f.now) / f.step] for f in free])
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    for _ in range(STEPS):
+        step: Floats = lsq_linear(tangents, rest, (low - at, high - at), method="bvls").x
+        promised = tangents @ step
+        if rms(rest) - rms(rest - promised) < ENOUGH * floor:
+            break
+        tried = rest_at(at + step)
+        tangents += np.outer(rest - tried - promised, step) / (step @ step)
+        if rms(tried) < rms(rest):
+            at, rest = at + step, tried
+    imitation = {f.name: f.value(units) for f, units in zip(free, at.tolist(), strict=True)}
+    return Left(rms(rest) / floor, imitation)
+
+
+def _free(case: Case) -> tuple[Free, ...]:
+    found = []
+    for name, (low, high) in bounds(case.ground.rig.sheet.rated_voltage_v).items():
+        now, half = float(getattr(case.nuisances, name)), 0.5 * (high - low)
+        found.append(Free(name, now, low, high, half if now < low + half else -half))
+    for i, part in enumerate((*case.ordinary, *case.hidden)):
+        high = min(PART_MOST * part.size, part.effect.most)
+        step = PART_STEP * part.size * (1.0 if high > part.size else -1.0)
+        found.append(Free(f"{part.name}.size", part.size, EDGE, high, step, i))
+    return tuple(found)
+
+
+def _moved(case: Case, free: Sequence[Free], units: Floats) -> Case:
+    """A case with other values of what is free."""
+    told = list(zip(free, units.tolist(), strict=True))
+    values: dict[str, Any] = {f.name: f.value(u) for f, u in told if f.part is None}
+    parts = [*case.ordinary, *case.hidden]
+    for f, u in told:
+        if f.part is not None:
+            parts[f.part] = dataclasses.replace(parts[f.part], size=f.value(u))
+    masks = len(case.ordinary)
+    return dataclasses.replace(
+        case,
+        nuisances=dataclasses.replace(case.nuisances, **values),
+        ordinary=tuple(parts[:masks]),
+        hidden=tuple(parts[masks:]),
+    )
+
+
+def _but(hidden: tuple[Hidden, ...], index: int) -> tuple[Hidden, ...]:
+    return (*hidden[:index], *hidden[index + 1 :])
+
+
+def _seen(case: Case, channel: str) -> Floats:
+    """A register's traces in the groups that are for fitting, one after another."""
+    programme, style = case.ground.programme, case.ground.style
+    found = [
+        observe(style, run, case.specimen(run.plan), channel)
+        for run in programme.runs
+        if run.group not in programme.held_out
+    ]
+    return np.concatenate(found)
