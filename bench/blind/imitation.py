@@ -8,14 +8,16 @@ hidden effect or an ordinary misfit, any size from nothing to its double. The le
 over the noise floor, in the groups that are for fitting, is what is left.
 
 It is a bounded least squares: tangents by finite differences where the case truly is, then steps,
-each of which is rolled out, and tangents mended by what came of it (Broyden, Math. Comp. 19, 1965).
-What is told was rolled out: a local minimum can make it too large, nothing too small.
+each of which is rolled out, and tangents mended by what came of it (Broyden, Math. Comp. 19, 1965)
+or, where they promised too much, taken anew. What is told was rolled out: a local minimum can make
+it too large, nothing too small.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,8 +31,10 @@ from .sizing import EDGE, noise_floor, observe, rms
 
 Floats = NDArray[np.float64]
 
-STEPS = 4  #: at most
+STEPS = 4  #: at most, with the tangents of one place
 ENOUGH = 0.02  #: a step that promises less, in noise floors, is not taken
+APART = 0.2  #: tangents that promised so much less than was reached, in floors, are taken anew
+STRIDES = (1.0, 0.3)  #: how far tangents reach, at first and anew, in steps of what is free
 PART_STEP = 0.2  #: share of another part's size, for its tangent
 PART_MOST = 2.0  #: of the size that another part has
 
@@ -51,7 +55,7 @@ class Free:
     now: float  #: in truth
     low: float
     high: float
-    step: float  #: for its tangent, towards the further bound; the unit of what follows
+    step: float  #: the unit in which it is moved: half its tolerance, or a share of a part's size
     part: int | None = None  #: among the other parts; none: a nuisance
 
     def value(self, units: float) -> float:
@@ -70,33 +74,50 @@ def left_of(case: Case, index: int) -> Left:
     def rest_at(units: Floats) -> Floats:
         return true - _seen(_moved(without, free, units), channel)
 
-    at = np.zeros(len(free))
-    rest = rest_at(at)
-    tangents = np.stack([rest - rest_at(one) for one in np.eye(len(free))], axis=1)
-    ends = np.array([[(f.low - f.now) / f.step, (f.high - f.now) / f.step] for f in free])
-    low, high = ends.min(axis=1), ends.max(axis=1)
-    for _ in range(STEPS):
-        step: Floats = lsq_linear(tangents, rest, (low - at, high - at), method="bvls").x
-        promised = tangents @ step
-        if rms(rest) - rms(rest - promised) < ENOUGH * floor:
-            break
-        tried = rest_at(at + step)
-        tangents += np.outer(rest - tried - promised, step) / (step @ step)
-        if rms(tried) < rms(rest):
-            at, rest = at + step, tried
+    low = np.array([(f.low - f.now) / f.step for f in free])
+    high = np.array([(f.high - f.now) / f.step for f in free])
+    at, rest = least(rest_at, low, high, floor)
     imitation = {f.name: f.value(units) for f, units in zip(free, at.tolist(), strict=True)}
     return Left(rms(rest) / floor, imitation)
+
+
+def least(
+    rest_at: Callable[[Floats], Floats], low: Floats, high: Floats, floor: float
+) -> tuple[Floats, Floats]:
+    """Where a rest is least within bounds, begun at 0 and as near as the floor asks for; the rest.
+
+    Bounds (n,) have 0 between them and are 2 or more apart.
+    """
+    at = np.zeros(len(low))
+    rest = rest_at(at)
+    for stride in STRIDES:
+        towards = np.where(high - at > at - low, stride, -stride)
+        moved = [rest - rest_at(at + one) for one in np.diag(towards)]
+        tangents = np.stack(moved, axis=1) / towards
+        hoped = math.inf
+        for _ in range(STEPS):
+            step: Floats = lsq_linear(tangents, rest, (low - at, high - at), method="bvls").x
+            promised = rest - tangents @ step
+            hoped = min(hoped, rms(promised))
+            if rms(rest) - rms(promised) < ENOUGH * floor:
+                break
+            tried = rest_at(at + step)
+            tangents += np.outer(promised - tried, step) / (step @ step)
+            if rms(tried) < rms(rest):
+                at, rest = at + step, tried
+        if rms(rest) - hoped < APART * floor:
+            break
+    return at, rest
 
 
 def _free(case: Case) -> tuple[Free, ...]:
     found = []
     for name, (low, high) in bounds(case.ground.rig.sheet.rated_voltage_v).items():
         now, half = float(getattr(case.nuisances, name)), 0.5 * (high - low)
-        found.append(Free(name, now, low, high, half if now < low + half else -half))
+        found.append(Free(name, now, low, high, half))
     for i, part in enumerate((*case.ordinary, *case.hidden)):
         high = min(PART_MOST * part.size, part.effect.most)
-        step = PART_STEP * part.size * (1.0 if high > part.size else -1.0)
-        found.append(Free(f"{part.name}.size", part.size, EDGE, high, step, i))
+        found.append(Free(f"{part.name}.size", part.size, EDGE, high, PART_STEP * part.size, i))
     return tuple(found)
 
 

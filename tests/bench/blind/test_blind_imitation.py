@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from bench.blind import Asked, draw, imitation
 from bench.blind.case import Case
 from bench.blind.drafts import JointDraft
-from bench.blind.imitation import Left, left_of
+from bench.blind.imitation import Left, least, left_of
 from bench.blind.nuisances import TOLERANCES, bounds, draw_nuisances
 from bench.blind.sizing import noise_floor, observe, ratio_fitted, rms
+
+Floats = NDArray[np.float64]
 
 GROUND = {"rig": "xl330-pendulum", "programme": "slow", "style": "slow"}
 
@@ -34,7 +36,7 @@ def whole(case: Case) -> float:
     return ratio_fitted(case.ground, one.name, one.size, one.how, case.nuisances)
 
 
-def seen(case: Case) -> np.ndarray[Any, np.dtype[np.float64]]:
+def seen(case: Case) -> Floats:
     where = case.ground
     return np.concatenate(
         [
@@ -63,6 +65,42 @@ def test_every_tolerance_is_drawn_to_its_ends_and_no_further() -> None:
         values = [float(one[name]) for one in drawn]
         assert low <= min(values) < low + 0.05 * (high - low), name
         assert high >= max(values) > high - 0.05 * (high - low), name
+
+
+ALONG = np.linspace(0.0, 1.0, 200)
+ENDS = -np.ones(2), np.ones(2)
+
+
+def kinked(x: Floats) -> Floats:
+    """A trace that does not change with its first number until that is large."""
+    first = np.maximum(x[0] - 0.7, 0.0) * np.sin(9.0 * ALONG)
+    return 40.0 * (first + (x[1] - 0.8 * x[0] + 0.3 * x[0] ** 2) * np.cos(5.0 * ALONG))
+
+
+def bent(x: Floats) -> Floats:
+    second = x[1] + 0.5 * x[0] * x[1] ** 2
+    return 10.0 * (np.sin(1.5 * x[0]) * np.sin(9.0 * ALONG) + second * np.cos(5.0 * ALONG))
+
+
+def test_what_bends_is_followed_to_its_least_rest() -> None:
+    true = bent(np.array([0.5, -0.9]))
+    at, rest = least(lambda x: true - bent(x), *ENDS, 1.0)
+    assert rms(true) > 4.0
+    assert rms(rest) < 0.02
+    assert at == pytest.approx([0.5, -0.9], abs=0.01)
+
+
+def test_tangents_that_misled_are_taken_anew() -> None:
+    true = kinked(np.array([0.5, -0.9]))
+    _, rest = least(lambda x: true - kinked(x), *ENDS, 1.0)
+    assert rms(rest) < 0.02  # with those across the kink alone, 0.25
+
+
+def test_no_rest_is_sought_beyond_a_bound() -> None:
+    true = bent(np.array([0.2, 1.5]))
+    at, rest = least(lambda x: true - bent(x), *ENDS, 1.0)
+    assert at[1] == 1.0
+    assert rms(rest) > 2.0
 
 
 def test_what_tolerances_imitate_is_not_left(weight_aside: Case, left_of_weight: Left) -> None:
