@@ -17,8 +17,19 @@ from .effects import EFFECTS, Effect
 from .instant import OPEN, Gate, GateKind
 from .mimic import ALIKE, Rival, nearest_rival
 from .nuisances import Nuisances, Passing, draw_nuisances
-from .rigs import RIGS, STYLES
-from .sizing import RATIOS, Ground, Size, effect_named, noise_floor, ratio_fitted, size_for
+from .rigs import RIGS, STYLES, Run
+from .sizing import (
+    RATIOS,
+    Floats,
+    Ground,
+    Size,
+    effect_named,
+    noise_floor,
+    observe,
+    ratio_fitted,
+    rms,
+    size_for,
+)
 from .specimen import Specimen
 from .unlisted import STRANGERS
 
@@ -66,6 +77,10 @@ BY_CATALOGUE = (Concealment.RARE, Concealment.MIMICKED)
 #: it is there or not: its trace has no small sizes
 ABRUPT = "overload_shutdown"
 FAR = 2.0  #: a trace that jumps past the ratio asked for by more than this is another case
+#: share of the ratio asked for that an effect must have in the recordings to fit, as the case
+#: truly is: a gain that masks may keep a duty below the limit that is hidden
+THERE = 0.25
+STRUCK = 3.0  #: failed reads to be expected in them, where reads fail: else there may be none
 DRAWS = 60
 
 
@@ -230,7 +245,7 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
             return None
         hidden = seen
     disguised = bool(random.random() < 0.2) if asked.disguise is None else asked.disguise
-    return Case(
+    case = Case(
         seed=seed,
         asked=asked,
         kind=kind,
@@ -242,6 +257,37 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
         disguised=disguised and bool(hidden),
         rival=rival,
     )
+    return case if _is_there(case) else None
+
+
+def fitted_traces(case: Case, channel: str) -> list[Floats]:
+    """A register's traces [its SI unit] in the runs that are for fitting, each once."""
+    style = case.ground.style
+    return [observe(style, run, case.specimen(run.plan), channel) for run in _fitted(case)]
+
+
+def _fitted(case: Case) -> list[Run]:
+    programme = case.ground.programme
+    return [run for run in programme.runs if run.group not in programme.held_out]
+
+
+def _is_there(case: Case) -> bool:
+    """Whether every hidden effect does something to the recordings that are for fitting."""
+    for one in case.hidden:
+        channel = one.effect.channel
+        rest = tuple(other for other in case.hidden if other is not one)
+        seen = fitted_traces(case, channel)
+        unseen = fitted_traces(dataclasses.replace(case, hidden=rest), channel)
+        change = rms(np.concatenate(seen) - np.concatenate(unseen))
+        if change < THERE * one.wanted * noise_floor(case.ground.key, channel):
+            return False
+        struck = sum(
+            case.specimen(run.plan).sensing.outlier_rate * run.repeats * len(trace)
+            for run, trace in zip(_fitted(case), seen, strict=True)
+        )
+        if 0.0 < struck < STRUCK:
+            return False
+    return True
 
 
 def _as_it_is(where: Ground, hidden: Hidden, nuisances: Nuisances) -> Hidden:

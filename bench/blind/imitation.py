@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from .case import Case, Hidden
+from .case import Case, Hidden, fitted_traces
 from .nuisances import bounds
-from .sizing import EDGE, noise_floor, observe, rms
+from .sizing import EDGE, noise_floor, rms
 
 Floats = NDArray[np.float64]
 
@@ -143,11 +143,4 @@ def _but(hidden: tuple[Hidden, ...], index: int) -> tuple[Hidden, ...]:
 
 
 def _seen(case: Case, channel: str) -> Floats:
-    """A register's traces in the groups that are for fitting, one after another."""
-    programme, style = case.ground.programme, case.ground.style
-    found = [
-        observe(style, run, case.specimen(run.plan), channel)
-        for run in programme.runs
-        if run.group not in programme.held_out
-    ]
-    return np.concatenate(found)
+    return np.concatenate(fitted_traces(case, channel))

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,12 @@ from bench.blind import (
     rerun,
     write_case,
 )
+from bench.blind.case import STRUCK, THERE, fitted_traces
 from bench.blind.changes import Setting
 from bench.blind.conceal import disguise
-from bench.blind.effects import EFFECTS
+from bench.blind.effects import EFFECTS, POSITION
 from bench.blind.mimic import ALIKE, nearest_rival
-from bench.blind.sizing import noise_floor, size_for
+from bench.blind.sizing import noise_floor, observe, rms, size_for
 from bench.blind.unlisted import STRANGERS
 from bench.motions import ExperimentPlan, motion
 from bench.recording import read
@@ -231,6 +233,45 @@ def test_overload_that_does_not_trip_in_recordings_for_fitting_is_drawn_anew(
     monkeypatch.setattr(bench.blind.case, "ratio_fitted", lambda *_: 0.0)
     with pytest.raises(ValueError, match="no case in"):
         draw(5, wish)
+
+
+FAILED_READS = Asked(
+    "single", ("lost_samples",), 5.0, "plain", rig="xl330-pendulum", programme="fast", style="fast"
+)
+
+
+def test_reads_fail_in_recordings_for_fitting_where_that_is_hidden(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case = draw(1, FAILED_READS)
+    reads = [
+        len(observe(case.ground.style, run, case.specimen(run.plan))) * run.repeats
+        for run in case.ground.programme.runs
+        if run.group not in case.ground.programme.held_out
+    ]
+    expected = case.hidden[0].size * sum(reads)
+    assert expected >= STRUCK
+    monkeypatch.setattr(bench.blind.case, "DRAWS", 1)
+    for least, drawn in ((0.99 * expected, True), (1.01 * expected, False)):
+        monkeypatch.setattr(bench.blind.case, "STRUCK", least)
+        with nullcontext() if drawn else pytest.raises(ValueError, match="no case in"):
+            draw(1, FAILED_READS)
+
+
+def test_an_effect_that_a_mask_takes_away_is_drawn_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    wish = Asked(
+        "single", ("torque_limit",), 2.0, "masked", "mx64-pendulum", "fast", programme="slow"
+    )
+    case = draw(3, wish)
+    bare = dataclasses.replace(case, hidden=())
+    change = np.concatenate(fitted_traces(case, POSITION)) - np.concatenate(
+        fitted_traces(bare, POSITION)
+    )
+    assert rms(change) >= THERE * 2.0 * noise_floor(case.ground.key)
+    monkeypatch.setattr(bench.blind.case, "THERE", 1e9)
+    monkeypatch.setattr(bench.blind.case, "DRAWS", 1)
+    with pytest.raises(ValueError, match="no case in"):
+        draw(3, wish)
 
 
 def test_mimicked_case_names_its_rival(tmp_path: Path) -> None:
