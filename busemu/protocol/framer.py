@@ -28,7 +28,8 @@ bytes lost, and the next packet swallowed in part or whole. Such a second readin
 
 **Whole frames.** Most writes are one packet, and most packets have been there before: the same read
 every cycle. What is exactly one sound frame, with nothing held from before, is looked up or parsed
-without a search.
+without a search. The frames remembered are forgotten all at once when there are too many: to find
+the oldest would cost every frame that is new more than it saves those that come again.
 
 A servo that simply starts afresh after a bad packet does the same, except that it loses what the
 bad packet had swallowed.
@@ -39,18 +40,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 from busemu.protocol import v1, v2
-from busemu.protocol.packets import (
-    BadPacket,
-    Instruction,
-    InstructionPacket,
-    Noise,
-    Packet,
-    StatusPacket,
-)
+from busemu.protocol.packets import BadPacket, Instruction, Noise, Packet
 
 Role = Literal["device", "host"]
 
@@ -60,44 +53,19 @@ class _Wire:
     """What the framer must know of one wire format, as data.
 
     `complete` ends with the length, so its match ends where the body (instruction or error)
-    begins; `length_before` reads the length there.
+    begins; `length_before` reads the length there. What `parse` does not take, `refused` explains.
     """
 
     complete: re.Pattern[bytes]
     cut_off: re.Pattern[bytes]
     length_before: Callable[[bytes, int], int]
     credible: frozenset[int]
-    parse: Callable[[bytes], Packet]
-    whole: Callable[[bytes], Packet | None]
+    parse: Callable[[bytes], Packet | None]
+    refused: Callable[[bytes], BadPacket | None]
 
 
-#: Made once: a union written where it is used is made anew for every packet.
-_SOUND = InstructionPacket | StatusPacket
-#: So many different frames of each wire are remembered, with what they say.
+#: So many different frames are remembered, with what they say.
 REMEMBERED = 1024
-#: Frames of more bytes are not.
-LONGEST_REMEMBERED = 256
-
-
-def _whole(
-    complete: re.Pattern[bytes],
-    length_before: Callable[[bytes, int], int],
-    parse: Callable[[bytes], Packet],
-) -> Callable[[bytes], Packet | None]:
-    """A function that gives the packet if bytes are exactly one sound frame, and else `None`."""
-
-    @lru_cache(REMEMBERED)
-    def whole(data: bytes) -> Packet | None:
-        match = complete.match(data)
-        if match is None:
-            return None
-        body = match.end()
-        if body + length_before(data, body) != len(data):
-            return None
-        packet = parse(data)
-        return packet if isinstance(packet, _SOUND) else None
-
-    return whole
 
 
 def _pattern(expression: bytes) -> re.Pattern[bytes]:
@@ -136,19 +104,11 @@ def _length_2(buffer: bytes, body: int) -> int:
     return buffer[body - 2] | buffer[body - 1] << 8
 
 
-def _wire_1(credible: frozenset[int], parse: Callable[[bytes], Packet]) -> _Wire:
-    whole = _whole(_COMPLETE_1, _length_1, parse)
-    return _Wire(_COMPLETE_1, _CUT_OFF_1, _length_1, credible, parse, whole)
+def _wire_1(credible: frozenset[int], parse: Callable[[bytes], Packet | None]) -> _Wire:
+    return _Wire(_COMPLETE_1, _CUT_OFF_1, _length_1, credible, parse, v1.refused)
 
 
-_WIRE_2 = _Wire(
-    _COMPLETE_2,
-    _CUT_OFF_2,
-    _length_2,
-    _DEFINED_2,
-    v2.parse,
-    _whole(_COMPLETE_2, _length_2, v2.parse),
-)
+_WIRE_2 = _Wire(_COMPLETE_2, _CUT_OFF_2, _length_2, _DEFINED_2, v2.parse, v2.refused)
 _WIRES: dict[tuple[float, Role], _Wire] = {
     (1.0, "device"): _wire_1(_DEFINED_1, v1.parse_instruction),
     (1.0, "host"): _wire_1(frozenset(range(0x80)), v1.parse_status),
@@ -167,15 +127,15 @@ class Framer:
     instruction packet, for "host" every one is a status packet. In 2.0 the packet tells itself.
     """
 
-    __slots__ = ("_held", "_needed", "_reported", "_whole", "_wire")
+    __slots__ = ("_held", "_needed", "_reported", "_seen", "_wire")
 
     def __init__(self, protocol: float, *, role: Role = "device") -> None:
         """Take the protocol version, 1.0 or 2.0, and whose packets to expect."""
         try:
             self._wire = _WIRES[protocol, role]
-            self._whole = self._wire.whole
         except KeyError:
             raise ValueError(f"no wire format for protocol {protocol!r}, role {role!r}") from None
+        self._seen: dict[bytes, Packet] = {}
         self._held = b""
         self._needed = 0  # length of _held below which nothing can be decided
         self._reported = 0  # bytes at the start of _held that a BadPacket already reported
@@ -201,9 +161,17 @@ class Framer:
 
         Else `None`, and nothing is taken: `feed` it.
         """
-        if self._held or len(data) > LONGEST_REMEMBERED or type(data) is not bytes:
+        if self._held or type(data) is not bytes:
             return None
-        return self._whole(data)
+        seen = self._seen
+        packet = seen.get(data)
+        if packet is None:
+            packet = self._wire.parse(data)
+            if packet is not None:
+                if len(seen) == REMEMBERED:
+                    seen.clear()
+                seen[data] = packet
+        return packet
 
     def _search(self, data: bytes) -> list[Packet]:
         buffer = self._held + data
@@ -235,10 +203,11 @@ class Framer:
             if end > size:
                 needed = end
                 break
-            packet = wire.parse(buffer[start:end])
+            frame = buffer[start:end]
+            packet = wire.parse(frame) or wire.refused(frame)
             bad = isinstance(packet, BadPacket)
             position = start + 1 if bad else end
-            if (bad and start < reported) or isinstance(packet, Noise):
+            if packet is None or (bad and start < reported):
                 continue
             if reported < start:
                 found.append(Noise(buffer[reported:start]))

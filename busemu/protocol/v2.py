@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from struct import Struct
 
 from busemu.protocol.crc import crc16
 from busemu.protocol.packets import (
@@ -29,10 +30,9 @@ from busemu.protocol.packets import (
     BadPacket,
     Instruction,
     InstructionPacket,
-    Noise,
     StatusPacket,
 )
-from busemu.protocol.stuffing import PATTERN, STUFFED, stuff, unstuff
+from busemu.protocol.stuffing import STUFFED, stuff, unstuff
 
 HEADER = b"\xff\xff\xfd\x00"
 """The three header bytes and the reserved byte, which is 0 in every packet so far defined."""
@@ -45,10 +45,21 @@ MAX_LENGTH = 1024
 more (RXPACKET_MAX_LEN). A false length from a damaged packet can hold up no more than this."""
 
 STATUS = int(Instruction.STATUS)
+_HEADER_NUMBER = int.from_bytes(HEADER, "little")
+_FD = 0xFD
+_NO_IDS = frozenset({0xFD, 0xFF})
 _SHORTEST = BEFORE_BODY + MIN_LENGTH
+#: By the size of a packet, its fields, read in one call: header, ID, length, instruction, error,
+#: parameters, CRC. The shortest packet has no byte where the others have the error.
+_SHAPES = {
+    _SHORTEST: Struct("<IBHB0s0sH"),
+    **{
+        size: Struct(f"<IBHBB{size - _SHORTEST - 1}sH")
+        for size in range(_SHORTEST + 1, BEFORE_BODY + MAX_LENGTH + 1)
+    },
+}
 #: So many status frames are remembered.
 REMEMBERED = 4096
-_HEADER_CRC = crc16(HEADER)
 
 
 def encode_instruction(packet: InstructionPacket) -> bytes:
@@ -62,7 +73,7 @@ def encode_instruction(packet: InstructionPacket) -> bytes:
         raise ValueError(f"Protocol 2.0: ID {packet.servo_id} is not in 0..{MAX_ID} or broadcast")
     if not 0 <= instruction <= 0xFF or instruction == STATUS:
         raise ValueError(f"Protocol 2.0: {instruction:#x} is not an instruction from a host")
-    return _encode(packet.servo_id, stuff(bytes((instruction,)) + packet.parameters))
+    return _encode(packet.servo_id, stuff(b"%c%b" % (instruction, packet.parameters)))
 
 
 def encode_status(packet: StatusPacket) -> bytes:
@@ -77,21 +88,8 @@ def encode_status(packet: StatusPacket) -> bytes:
 @lru_cache(REMEMBERED)
 def status_frame(servo_id: int, error: int, parameters: bytes) -> bytes:
     """`encode_status` by fields. Replies repeat, so the frames made last are remembered."""
-    if PATTERN in parameters or error == 0xFF:
-        _check_sender(servo_id, error)
-        return _encode(servo_id, stuff(bytes((STATUS, error)) + parameters))
-    head, crc = _status_head(servo_id, len(parameters) + 4)
     _check_sender(servo_id, error)
-    body = b"%c%b" % (error, parameters)
-    return b"%b%b%b" % (head, body, crc16(body, crc).to_bytes(2, "little"))
-
-
-@lru_cache(REMEMBERED)
-def _status_head(servo_id: int, length: int) -> tuple[bytes, int]:
-    """A status packet up to its error byte, and the CRC up to there."""
-    _check_sender(servo_id, 0)
-    head = _before_body(servo_id, length) + bytes((STATUS,))
-    return head, crc16(head)
+    return _encode(servo_id, stuff(b"%c%c%b" % (STATUS, error, parameters)))
 
 
 def encode_fast_status(blocks: Sequence[tuple[int, int, bytes]]) -> bytes:
@@ -147,23 +145,37 @@ def split_fast_status(
     return blocks
 
 
-def parse(frame: bytes) -> InstructionPacket | StatusPacket | BadPacket | Noise:
-    """Return what a whole frame says; noise if it is a status packet too short for its error."""
-    expected = crc16(frame[4:-2], _HEADER_CRC)
-    actual = frame[-2] | frame[-1] << 8
-    servo_id = frame[4]
-    instruction = frame[7]
-    if expected != actual:
-        return BadPacket(servo_id, instruction, "CRC", expected, actual, frame)
+def parse(frame: bytes) -> InstructionPacket | StatusPacket | None:
+    """Return the packet if `frame` is exactly one sound packet, and else `None`."""
+    shape = _SHAPES.get(len(frame))
+    if shape is None:
+        return None
+    header, servo_id, length, instruction, error, parameters, crc = shape.unpack(frame)
+    if (
+        header != _HEADER_NUMBER
+        or servo_id in _NO_IDS
+        or length + BEFORE_BODY != len(frame)
+        or crc16(frame[:-2]) != crc
+    ):
+        return None
+    stuffed = _FD in parameters and STUFFED in frame  # the first alone is quick, and seldom so
     if instruction != STATUS:
-        if STUFFED in frame:
-            return InstructionPacket(servo_id, instruction, unstuff(frame[7:-2])[1:])
-        return InstructionPacket(servo_id, instruction, frame[8:-2])
-    if len(frame) == _SHORTEST:
-        return Noise(frame)
-    if servo_id != BROADCAST_ID and STUFFED in frame:
-        return StatusPacket(servo_id, frame[8], unstuff(frame[7:-2])[2:])
-    return StatusPacket(servo_id, frame[8], frame[9:-2])
+        after = unstuff(frame[BEFORE_BODY:-2])[1:] if stuffed else frame[BEFORE_BODY + 1 : -2]
+        return InstructionPacket(servo_id, instruction, after)
+    if length == MIN_LENGTH:  # no room for its error
+        return None
+    if stuffed and servo_id != BROADCAST_ID:
+        parameters = unstuff(frame[BEFORE_BODY:-2])[2:]
+    return StatusPacket(servo_id, error, parameters)
+
+
+def refused(frame: bytes) -> BadPacket | None:
+    """Return what is wrong with the CRC of a whole frame that is not taken, if that is wrong."""
+    expected = crc16(frame[:-2])
+    actual = int.from_bytes(frame[-2:], "little")
+    if expected == actual:
+        return None
+    return BadPacket(frame[4], frame[7], "CRC", expected, actual, frame)
 
 
 def _check_sender(servo_id: int, error: int) -> None:
@@ -181,4 +193,4 @@ def _before_body(servo_id: int, length: int) -> bytes:
 
 def _encode(servo_id: int, body: bytes) -> bytes:
     packet = _before_body(servo_id, len(body) + 2) + body
-    return packet + crc16(packet[4:], _HEADER_CRC).to_bytes(2, "little")
+    return packet + crc16(packet).to_bytes(2, "little")

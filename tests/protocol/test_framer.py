@@ -20,6 +20,7 @@ from busemu.protocol import (
     v1,
     v2,
 )
+from busemu.protocol.framer import REMEMBERED
 
 KINDS = [(1.0, "device"), (1.0, "host"), (2.0, "device"), (2.0, "host")]
 LONGEST = {1.0: 4 + 250, 2.0: 7 + 1024}
@@ -153,6 +154,20 @@ def test_what_is_no_beginning_of_a_protocol_2_packet(head: str):
     assert packets == [Noise(bytes.fromhex(head)), READ2]
 
 
+def test_a_right_checksum_does_not_make_a_packet_of_what_has_no_header():
+    sound = wire1(READ1)
+    same_sum = b"\xfe\x00" + sound[2:]
+    assert sum(same_sum) & 0xFF == sum(sound) & 0xFF
+    assert Framer(1.0).whole(sound) == READ1
+    assert Framer(1.0).whole(same_sum) is None
+
+
+@pytest.mark.parametrize("head", ["FF FF FD 01", "FE FF FD 00"])
+def test_a_right_crc_does_not_make_a_packet_of_what_has_no_header(head: str):
+    content = bytes.fromhex(head) + wire2(READ2)[4:-2]
+    assert Framer(2.0).whole(content + crc16(content).to_bytes(2, "little")) is None
+
+
 def test_the_short_status_above_has_a_right_crc():
     assert crc16(bytes.fromhex("FF FF FD 00 01 03 00 55")) == 0xCFE2
 
@@ -283,6 +298,20 @@ def test_abort_drops_the_unfinished_packet():
     assert framer.abort() == Noise(wire2(READ2)[:9])
     assert framer.pending == 0
     assert framer.feed(wire2(PING2)) == [PING2]
+
+
+@pytest.mark.parametrize(("protocol", "encode"), [(1.0, v1.encode_status), (2.0, v2.encode_status)])
+def test_frames_are_remembered_but_not_for_ever(protocol, encode):
+    framer = Framer(protocol, role="host")
+    frames = [
+        encode(StatusPacket(1, 0, number.to_bytes(2, "little"))) for number in range(REMEMBERED + 1)
+    ]
+    first = framer.whole(frames[0])
+    assert framer.whole(frames[0]) is first
+    for frame in frames[1:]:
+        assert framer.feed(frame) == Framer(protocol, role="host").feed(frame)
+    assert framer.whole(frames[0]) == first
+    assert framer.whole(frames[0]) is not first
 
 
 def test_any_buffer_of_bytes_can_be_fed():
