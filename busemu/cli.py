@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import sys
 from importlib.metadata import entry_points, version
@@ -45,6 +46,9 @@ USER_ERRORS = (
     FaultError,
 )
 
+#: The system's errors when a disk, or what is behind the standard output, takes no more.
+NOT_TAKEN = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
+
 #: Packages of this project: one of them that cannot be found is no extra that is left out.
 OWN = ("busemu", "hal", "sim", "bench")
 
@@ -63,10 +67,17 @@ def fail(message: object) -> NoReturn:
 
     Of the system's errors about a file that is its name and what the system says.
     """
-    if isinstance(message, OSError) and message.filename is not None and message.strerror:
-        message = f"{message.filename}: {message.strerror}"
-    typer.secho(f"busemu: {message}", fg=typer.colors.RED, err=True)
+    _say(message)
     raise typer.Exit(1)
+
+
+def _say(message: object) -> None:
+    if isinstance(message, OSError) and message.strerror:
+        if message.filename is not None:
+            message = f"{message.filename}: {message.strerror}"
+        elif message.errno in NOT_TAKEN:
+            message = f"what it writes is not taken: {message.strerror}"
+    typer.secho(f"busemu: {message}", fg=typer.colors.RED, err=True)
 
 
 @app.callback(invoke_without_command=True)
@@ -308,14 +319,21 @@ def main() -> None:
     for entry in entry_points(group="busemu.commands"):
         app.command(entry.name)(entry.load())
     try:
-        app()
+        try:
+            app()
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
     except ModuleNotFoundError as error:
         missing = (error.name or "").partition(".")[0]
         if not missing or missing in OWN:
             raise
-        typer.secho(
-            f"busemu: this command needs {missing}: pip install 'busemu[hal,sim,bench]'",
-            fg=typer.colors.RED,
-            err=True,
-        )
+        _say(f"this command needs {missing}: pip install 'busemu[hal,sim,bench]'")
+        sys.exit(1)
+    except BrokenPipeError:  # the reader has gone, as `head` does: no news
+        sys.exit(1)
+    except OSError as error:
+        if error.errno not in NOT_TAKEN:
+            raise
+        _say(error)
         sys.exit(1)

@@ -131,7 +131,7 @@ def decode(
     except BrokenPipeError:  # the reader, head for instance, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        fail(f"{error.filename}: {error.strerror}")
+        fail(error)
     if shown.bad:
         raise typer.Exit(1)
 

@@ -174,14 +174,15 @@ class Served:
         if self._state is not None and self.bus.next_reply_s() is None:
             self._save()
 
-    def _save(self) -> None:
+    def _save(self, *, closing: bool = False) -> None:
         """Keep the EEPROM, or say that the disk does not take it and go on."""
         if self._state is None:
             return
         try:
-            self._state.save()
+            self._state.save(again=closing)
         except StateError as error:
-            sys.stderr.write(f"busemu: {error}; the EEPROM is not kept, the bus goes on\n")
+            goes_on = "" if closing else ", the bus goes on"
+            sys.stderr.write(f"busemu: {error}; the EEPROM is not kept{goes_on}\n")
 
     def describe(self) -> Iterator[str]:
         """Lines for the user: what it is, where, and what to try."""
@@ -213,7 +214,7 @@ class Served:
         if self.tracing is not None:
             self.tracing.close()
         if self._state is not None:
-            self._save()
+            self._save(closing=True)
             self._state.close()
         if self._observation is not None:
             self._observation.close()

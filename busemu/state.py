@@ -47,7 +47,8 @@ class State:
         self.path = path
         self._robot = robot
         self._servos = servos
-        self._changed = False
+        self._changed = False  # since the last attempt to write
+        self._behind = False  # the last attempt failed
         self._file = -1
         if not path.parent.is_dir():
             raise StateError(f"--state {path}: there is no folder {path.parent}; make it first")
@@ -72,14 +73,16 @@ class State:
     def _note(self) -> None:
         self._changed = True
 
-    def save(self) -> None:
+    def save(self, *, again: bool = False) -> None:
         """Write the file if any EEPROM has changed since it was written; costs an fsync then.
 
         Raises :class:`StateError` where the disk does not take it; the old file is then as it was.
+        What the disk did not take is tried once more at the next change, or where ``again`` says.
         """
-        if self._changed:
-            self._changed = False
+        if self._changed or (again and self._behind):
+            self._changed, self._behind = False, True
             self._write()
+            self._behind = False
 
     def describe(self) -> list[str]:
         """A line for each servo that the file has at another ID or baud rate than the robot."""

@@ -12,13 +12,14 @@ from types import MappingProxyType
 
 from ..plant import DriveCommand, OperatingMode, ServoState
 from ..tables import Register
+from ..tables.needs import COUNTS_TO
 from .memory import Memory
 from .status import Refusal
 
 #: A joint faster than this counts as moving [rad/s]. Assumed.
 MOVING_VELOCITY_RAD_S = 0.05
 #: ``realtime_tick`` counts milliseconds and starts over after its maximum. Source: e-manual.
-TICK_MODULO = 32768
+TICK_MODULO = COUNTS_TO["realtime_tick"] + 1
 #: A write to these makes a servo with an absolute encoder take its turn anew. Assumed.
 HOMING = frozenset({"torque_enable", "cw_angle_limit", "ccw_angle_limit"})
 #: Ticks come at sums of a period, which rounding leaves a little before or after their due time.

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .inherit import SERVOS, TableError, file_name, resolve
-from .needs import LAWS, lacking
+from .needs import LAWS, cramped, lacking
 from .register import Register, registers_of_row
 from .shape import check_shape
 from .spelling import near
@@ -145,6 +145,8 @@ def parse_table(document: Mapping[str, Any], path: Path) -> ControlTable:
             raise TableError(f"{path}: {register.name!r} overlaps {before!r}")
         seen[register.name] = register
         end, before = register.address + register.size, register.name
+    if not 0 <= number <= 0xFFFF:
+        raise TableError(f"{path}: model_number must be 0 to 65535, what a ping can tell")
     if "model_number" in seen and seen["model_number"].initial != number:
         raise TableError(
             f"{path}: model_number is {number!r}, but the register of that name starts with "
@@ -204,4 +206,6 @@ def _drive(
         raise TableError(
             f"{path}: a servo of law {law!r} needs these registers, too: {', '.join(absent)}"
         )
+    for problem in cramped(law, registers):
+        raise TableError(f"{path}: register {problem}: give it more (size)")
     return dict(drive)

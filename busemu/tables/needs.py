@@ -54,12 +54,33 @@ REGISTERS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 #: Goals that a value of ``operating_mode`` follows, if the model has it. Source: e-manual.
 _GOALS = MappingProxyType({0: "goal_current", 1: "goal_velocity", 5: "goal_current"})
 _LIMITS = MappingProxyType({"goal_current": "current_limit", "goal_velocity": "velocity_limit"})
+#: A servo counts as far as this in a register, whatever its range. Source: e-manual.
+COUNTS_TO: Mapping[str, int] = MappingProxyType({"realtime_tick": 32767})
+_JOINT_WHEEL_COPIES = {"goal_position": "present_position", "torque_limit": "max_torque"}
+#: Registers that a servo sets to what another one holds, by law.
+COPIES: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "compliance": _JOINT_WHEEL_COPIES,
+        "pid": _JOINT_WHEEL_COPIES,
+        "operating_modes": {"goal_pwm": "pwm_limit", **_LIMITS},
+    }
+)
 
 
 def lacking(law: str, drive: Mapping[str, Any], registers: Mapping[str, Register]) -> list[str]:
     """The registers that a servo with this ``drive`` needs and does not have, sorted."""
     needed = {*_EVERY, *REGISTERS[law], *_optional(law, drive, registers)}
     return sorted(needed - set(registers))
+
+
+def cramped(law: str, registers: Mapping[str, Register]) -> Iterator[str]:
+    """What a servo of this law would put in registers that have too few bytes for it."""
+    for name, top in COUNTS_TO.items():
+        if name in registers and registers[name].raw_maximum < top:
+            yield f"{name} has {registers[name].size} byte(s), and counts to {top}"
+    for name, other in COPIES[law].items():
+        if name in registers and registers[name].size < registers[other].size:
+            yield f"{name} has fewer bytes than {other}, whose value it takes"
 
 
 def _optional(

@@ -32,6 +32,8 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
     }
 )
 ENCODINGS = ("unsigned", "signed", "sign_magnitude")
+#: Bytes a register may have. Source: e-manual, control tables of all models.
+SIZES = (1, 2, 4)
 ACCESSES = ("R", "RW")
 AREAS = ("EEPROM", "RAM")
 #: Addresses from 0 on that a packet can name: two bytes. Source: e-manual, protocol2.
@@ -172,8 +174,8 @@ def _register(row: Mapping[str, Any], path: Path) -> Register:
     if unknown:
         words = ", ".join(key + near(key, known) for key in unknown)
         raise TableError(f"{where}: unknown key {words}")
-    if not isinstance(row["size"], int) or not 1 <= row["size"] <= 256:
-        raise TableError(f"{where}: size must be 1 to 256 bytes")
+    if row["size"] not in SIZES:
+        raise TableError(f"{where}: size must be 1, 2 or 4 bytes, not {row['size']!r}")
     if not isinstance(row["address"], int) or not 0 <= row["address"] <= ADDRESSES - row["size"]:
         raise TableError(f"{where}: address must be 0 or more, and its last byte at most at 65535")
     low, high = _range(row, where)

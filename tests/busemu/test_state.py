@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import signal
@@ -91,19 +92,38 @@ def test_a_factory_reset_is_kept(tmp_path: Path) -> None:
     assert again.get("return_delay_time", 2) == again.table["return_delay_time"].initial
 
 
+def full(file: int) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
 def test_a_write_that_fails_leaves_the_old_file(tmp_path: Path, monkeypatch) -> None:
     bench, state = kept(tmp_path / "s.toml")
     before = (tmp_path / "s.toml").read_bytes()
     bench.set("return_delay_time", 5)
-
-    def full(file: int) -> None:
-        raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(StateError, match="No space left"):
         state.save()
     assert (tmp_path / "s.toml").read_bytes() == before
     assert list(tmp_path.iterdir()) == [tmp_path / "s.toml"]
+
+
+def test_what_the_disk_did_not_take_is_tried_once_more_where_asked(
+    tmp_path: Path, monkeypatch
+) -> None:
+    bench, state = kept(tmp_path / "s.toml")
+    bench.set("return_delay_time", 5)
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fsync", full)
+        with pytest.raises(StateError, match="No space left"):
+            state.save()
+        state.save()  # nothing new
+        with pytest.raises(StateError, match="No space left"):
+            state.save(again=True)
+    state.save(again=True)
+    state.close()
+    again, _ = kept(tmp_path / "s.toml")
+    assert again.get("return_delay_time", 1) == 5
 
 
 def test_a_disk_that_takes_only_a_part_leaves_the_old_file(tmp_path: Path) -> None:

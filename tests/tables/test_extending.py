@@ -72,6 +72,7 @@ def test_series_is_numbered_and_steps_through_addresses_and_initial_values() -> 
 
 BARE = {"extends": "AX-12A", "model": "M", "model_number": 1}
 LED = {"name": "led"}
+TICK = {"name": "realtime_tick", "address": 50, "size": 1, "access": "R"}
 
 
 @pytest.mark.parametrize(
@@ -114,9 +115,14 @@ LED = {"name": "led"}
         ({"register": [{"name": "goal_positon", "initial": 1}]}, ["mean goal_position?"]),
         ({"register": [{**LED, "adress": 1}]}, ["unknown key adress", "mean address?"]),
         ({"register": [{**LED, "minimum": 0}]}, ["'led'", "unknown key minimum"]),
+        ({"register": [{**LED, "size": 3}]}, ["'led'", "size must be 1, 2 or 4 bytes, not 3"]),
+        ({"register": [TICK]}, ["realtime_tick", "1 byte", "32767", "give it more"]),
+        ({"register": [{"name": "goal_position", "size": 1, "initial": 0, "range": [0, 255]}]},
+         ["goal_position", "fewer bytes than present_position"]),
+        ({"model_number": 65536, "remove": ["model_number"]}, ["model_number must be 0 to 65535"]),
         ({"souce": "me"}, ["unknown key souce", "mean source?"]),
     ],
-)
+)  # fmt: skip
 def test_bad_file_is_refused_with_file_entry_and_rule(change: dict, parts: list[str]) -> None:
     parse_table(BARE, Path("mine.toml"))
     with pytest.raises(TableError) as caught:

@@ -1,0 +1,39 @@
+"""What becomes of a command whose output cannot be written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMMANDS = [
+    ["--version"],
+    ["--help"],
+    ["tables"],
+    ["tables", "XM430-W350"],
+    ["decode", "FF FF 01 02 01 FB"],
+    ["tables", "--help"],
+]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_a_disk_that_is_full_is_one_clear_line(words: list[str]) -> None:
+    command = [sys.executable, "-m", "busemu", *words]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+    assert ended.returncode == 1
+    assert ended.stderr == "busemu: what it writes is not taken: No space left on device\n"
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_a_reader_that_has_gone_is_no_news(words: list[str]) -> None:
+    """As behind ``| head``."""
+    command = [sys.executable, "-m", "busemu", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as gone:
+        gone.stdout.close()
+        assert gone.stderr.read() == b""
