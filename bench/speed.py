@@ -52,6 +52,7 @@ def main() -> None:
     for name, measure in (
         ("round trip", round_trips),
         ("codec", codecs),
+        ("writers", writers),
         ("walks", walks),
         ("punctuality", lateness),
         ("four buses", four_buses),
@@ -206,8 +207,40 @@ def codecs() -> list[Row]:
     return rows
 
 
+def writers() -> list[Row]:
+    """Writes of four bytes that never repeat, as frames, against the SDK's ``txPacket``.
+
+    The SDK is given the list of numbers it wants, with the parameters in it; here the packet is
+    made as well.
+    """
+    from dynamixel_sdk import PacketHandler  # noqa: PLC0415 - the floor
+
+    rows = []
+    for protocol, encode, about, before in (
+        (1.0, v1.encode_instruction, b"\x1e", [0, 0, 1, 7, Instruction.WRITE]),
+        (2.0, v2.encode_instruction, b"\x74\0", [0, 0, 0, 0, 1, 9, 0, Instruction.WRITE]),
+    ):
+        sdk, port = PacketHandler(protocol), Frame(b"")
+        head, tail = [*map(int, before), *about], [0] * int(protocol)
+
+        def theirs(
+            data: bytes, sdk: Any = sdk, port: Any = port, head: Any = head, tail: Any = tail
+        ) -> None:
+            port.is_using = False
+            sdk.txPacket(port, [*head, *data, *tail])
+
+        def ours(data: bytes, encode: Any = encode, about: bytes = about) -> None:
+            encode(InstructionPacket(1, Instruction.WRITE, about + data))
+
+        chance = random.Random(1)
+        batches = [[chance.randbytes(4) for _ in range(1000)] for _ in range(9)]
+        here, floor = _each_us(ours, batches), _each_us(theirs, batches)
+        rows.append(_row(f"protocol {protocol}: frames written", here, floor, "us", "SDK's writer"))
+    return rows
+
+
 class Frame:
-    """A port of the SDK in which one whole frame lies ready."""
+    """A port of the SDK in which one whole frame lies ready, and which takes any."""
 
     is_using = False
 
@@ -221,6 +254,13 @@ class Frame:
         """The next bytes."""
         data, self._data = self._data[:length], self._data[length:]
         return data
+
+    def clearPort(self) -> None:
+        """Nothing to clear."""
+
+    def writePort(self, packet: list[int]) -> int:
+        """All of it is taken."""
+        return len(packet)
 
     def isPacketTimeout(self) -> bool:
         """Never: all is there."""
