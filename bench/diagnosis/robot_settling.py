@@ -16,7 +16,7 @@ from .robot_fit import RobotFit
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad
 from .robot_model import RobotModel
-from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
+from .robot_search import WORSE, Progress, RobotFindings, RobotGain, RobotSearch
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of nulls of another engine: 0.34 to 0.40, and 1.0 to 1.5
@@ -95,7 +95,7 @@ class RobotJudges:
     ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
         """Names that recordings which judge do not deny; the fit with them; those taken back.
 
-        All together may not make whole recordings worse, standing up and all.
+        All together may not make whole recordings, standing up and all, half as bad again.
         """
         taken, now = list(found.taken), found.fit
         begun = self.samples(found.base).whole if self.held_out and taken else 0.0
@@ -113,7 +113,7 @@ class RobotJudges:
                 for name, fit in fits.items()
             }
             worst = min(taken, key=lambda gain: relief[gain.name])
-            if relief[worst.name] > least and samples.whole <= begun:
+            if relief[worst.name] > least and samples.whole <= WORSE * begun:
                 break
             rejected.append(
                 {

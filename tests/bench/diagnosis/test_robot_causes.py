@@ -7,7 +7,7 @@ import pytest
 from walking_robots import believed, walked
 
 from bench.diagnosis.rivals import CLOSE
-from bench.diagnosis.robot_causes import cause_of, close_rivals
+from bench.diagnosis.robot_causes import ENGINES_SHARE, cause_of, close_rivals
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_next import HEAVIER, menu
@@ -39,14 +39,14 @@ def cause(alike=()):
     return cause_of(search(), told, told.taken[0], told.taken[0].fit, 0.8, 12.0)
 
 
-def test_a_cause_has_its_place_and_the_sandwichs_interval():
+def test_a_cause_has_its_place_and_an_interval_of_scatter_and_of_what_engines_differ_by():
     told = cause()
     knob = placed_effects(believed())[OWN].knob
     assert (told.effect, told.kind) == ("foot_compliance", "missing")
     assert told.scope == tuple(f"leg{n}" for n in range(1, 7))
     (estimate,) = told.parameters.values()
     assert estimate.value == pytest.approx(knob.value(1.0))
-    deviation = 2.0 * 0.1
+    deviation = np.hypot(2.0 * 0.1, ENGINES_SHARE)
     ends = sorted(knob.value(1.0 + side * 1.96 * deviation) for side in (-1, 1))
     assert estimate.ci95 == pytest.approx(ends)
     assert estimate.state == "pinned"

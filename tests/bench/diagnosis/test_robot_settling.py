@@ -9,6 +9,7 @@ import pytest
 from bench.diagnosis.growing import RELIEF
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_search import WORSE
 from bench.diagnosis.robot_settling import FITTED, JUDGED, LITTLE, NO_BETTER, RobotJudges, Squares
 
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
@@ -123,12 +124,13 @@ def test_a_name_that_makes_samples_worse_goes_however_much_phases_gain():
     assert kept({(): 5.0, ("a",): 1.5}, {(): 5.0, ("a",): 5.1}) == ()
 
 
-def test_names_that_make_whole_recordings_worse_go_until_they_do_not():
+def test_names_that_make_whole_recordings_much_worse_go_until_they_do_not():
     squares = {(): 9.0, ("a",): 4.0, ("b",): 6.0, ("a", "b"): 1.5}
-    whole = {(): 9.0, ("a",): 8.9, ("b",): 9.1, ("a", "b"): 9.1}
+    allowed, too_much = 0.99 * WORSE * 9.0, 1.01 * WORSE * 9.0
+    whole = {(): 9.0, ("a",): allowed, ("b",): too_much, ("a", "b"): too_much}
     assert kept(squares, whole=whole) == ("a",)
-    assert kept(squares, whole=whole | {("a",): 9.1}) == ()
-    assert kept(squares, whole=whole | {("a", "b"): 8.9}) == ("a", "b")
+    assert kept(squares, whole=whole | {("a",): too_much}) == ()
+    assert kept(squares, whole=whole | {("a", "b"): allowed}) == ("a", "b")
 
 
 def test_the_name_that_helps_least_goes_first_and_the_others_are_asked_again():
