@@ -41,7 +41,9 @@ class Agenda:
         """The instant of the next event [s]. Raises ``IndexError`` if nothing is to come."""
         return self._events[0][0]
 
-    def take(self) -> tuple[float, Event]:
-        """Take the next event off the agenda: its instant [s] and itself."""
+    def take(self, by_s: float) -> tuple[float, Event] | None:
+        """Take the next event off the agenda, if it is due by ``by_s`` [s]: its instant and it."""
+        if not self._events or self._events[0][0] > by_s:
+            return None
         at_s, _, event = heapq.heappop(self._events)
         return at_s, event

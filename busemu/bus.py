@@ -120,8 +120,8 @@ class Bus:
 
     def poll(self, now_s: float) -> bytes:
         """Let everything happen that is due by ``now_s``; the bytes the host has by then."""
-        while self.agenda.next_s() <= now_s:
-            at_s, event = self.agenda.take()
+        while (due := self.agenda.take(now_s)) is not None:
+            at_s, event = due
             self.advance_plant(at_s)
             event(at_s)
         return self.deliver(now_s)

@@ -111,6 +111,8 @@ def superpose(
     Runs that meet become one, in which the zeros of each win (assumed; by whole bytes), and which
     is marked as a collision. Two servos alike to the bit can so still be read.
     """
+    if len(runs) == 1:
+        return [(*runs[0], False)]
     carried: list[tuple[float, bytes, bool]] = []
     for start_s, data in sorted(runs):
         if carried:

@@ -17,7 +17,7 @@ import enum
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from .tables import Robot, ServoMount
 
@@ -33,7 +33,11 @@ class OperatingMode(enum.Enum):
     PWM = "pwm"  #: duty follows ``goal_duty`` directly
 
 
-@dataclass(frozen=True, slots=True)
+# One of the next two is made for every write of a register and for every look at a servo. As in
+# busemu.protocol.packets, mypy alone holds that they never change: frozen=True costs as much again.
+
+
+@dataclass(slots=True, unsafe_hash=True)
 class DriveCommand:
     """All that a servo's registers say to its drive, in SI.
 
@@ -47,33 +51,33 @@ class DriveCommand:
     (``e < 0``), *ccw* where it lies counter-clockwise (``e > 0``).
     """
 
-    torque_enable: bool = False
-    operating_mode: OperatingMode = OperatingMode.POSITION
-    goal_position_rad: float = 0.0
-    goal_velocity_rad_s: float = 0.0  #: used in VELOCITY mode
-    goal_duty: float = 0.0  #: -1 to 1, used in PWM mode
-    velocity_limit_rad_s: float = math.inf  #: moving speed / profile velocity in POSITION mode
-    duty_limit: float = 1.0  #: torque limit, 0 to 1
-    gain_cw_per_rad: float = 0.0
-    gain_ccw_per_rad: float = 0.0
-    margin_cw_rad: float = 0.0
-    margin_ccw_rad: float = 0.0
-    punch_duty: float = 0.0
-    integral_gain_per_rad_s: float = 0.0
-    derivative_gain_s_per_rad: float = 0.0
+    torque_enable: Final[bool] = False
+    operating_mode: Final[OperatingMode] = OperatingMode.POSITION
+    goal_position_rad: Final[float] = 0.0
+    goal_velocity_rad_s: Final[float] = 0.0  #: used in VELOCITY mode
+    goal_duty: Final[float] = 0.0  #: -1 to 1, used in PWM mode
+    velocity_limit_rad_s: Final[float] = math.inf  #: moving speed or profile velocity in POSITION
+    duty_limit: Final[float] = 1.0  #: torque limit, 0 to 1
+    gain_cw_per_rad: Final[float] = 0.0
+    gain_ccw_per_rad: Final[float] = 0.0
+    margin_cw_rad: Final[float] = 0.0
+    margin_ccw_rad: Final[float] = 0.0
+    punch_duty: Final[float] = 0.0
+    integral_gain_per_rad_s: Final[float] = 0.0
+    derivative_gain_s_per_rad: Final[float] = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class ServoState:
     """What can be known of one servo at the instant last advanced to."""
 
-    position_rad: float
-    velocity_rad_s: float
-    duty: float  #: the controller's output, -1 to 1: what ``present_load`` is made from
-    torque_nm: float  #: torque of the output shaft on its load
-    current_a: float
-    voltage_v: float  #: at the servo's terminals
-    temperature_c: float
+    position_rad: Final[float]
+    velocity_rad_s: Final[float]
+    duty: Final[float]  #: the controller's output, -1 to 1: what ``present_load`` is made from
+    torque_nm: Final[float]  #: torque of the output shaft on its load
+    current_a: Final[float]
+    voltage_v: Final[float]  #: at the servo's terminals
+    temperature_c: Final[float]
 
 
 class Plant(Protocol):

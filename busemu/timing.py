@@ -172,6 +172,14 @@ class Uplink:
         if profile.latency_timer_s == 0.0:
             self._hand_up(start_s + len(data) * byte_s, data)
             return
+        self._expire(start_s + byte_s)
+        if not self._held:
+            self._since_s = start_s + byte_s
+        end_s = start_s + len(data) * byte_s
+        due_s = self._since_s + profile.latency_timer_s
+        if end_s <= due_s and len(self._held) + len(data) < profile.chunk_bytes:
+            self._held += data  # as one: neither the timer nor a full chunk comes in between
+            return
         for index in range(len(data)):
             end_s = start_s + (index + 1) * byte_s
             self._expire(end_s)
@@ -205,10 +213,13 @@ class Uplink:
 
     def poll(self, now_s: float) -> bytes:
         """The bytes that the host has by ``now_s``."""
-        due_s = self._since_s + self._profile.latency_timer_s
-        if self._held and due_s + self._profile.in_s() <= now_s:
-            self._hand_up(due_s, bytes(self._held))
-            self._held.clear()
+        if self._held:
+            due_s = self._since_s + self._profile.latency_timer_s
+            if due_s + self._profile.in_s() <= now_s:
+                self._hand_up(due_s, bytes(self._held))
+                self._held.clear()
+        if not self._ready or self._ready[0][0] > now_s:
+            return b""
         out = bytearray()
         while self._ready and self._ready[0][0] <= now_s:
             out += self._ready.popleft()[1]

@@ -73,13 +73,13 @@ class SteppedPlant:
     ) -> None:
         self._names = tuple(joint.name for joint in robot.joints)
         self._index = {joint.servo_id: i for i, joint in enumerate(robot.joints)}
+        self._frames = [(float(j.direction), j.zero_rad, j.drive.ambient_c) for j in robot.joints]
         self._engine = engine
         self._step_s = TICK_S / steps_per_tick
         self._steps_per_tick = steps_per_tick
         self._mount = np.array(
-            [[float(j.direction) for j in robot.joints], [j.zero_rad for j in robot.joints]]
+            [[direction for direction, _, _ in self._frames], [zero for _, zero, _ in self._frames]]
         )
-        self._ambient_c = [joint.drive.ambient_c for joint in robot.joints]
         count = len(self._names)
         # the step that contains the present instant: its end in the joints' frame (angle, velocity,
         # torque during it), its beginning in the servos' (angle, velocity, heat)
@@ -96,6 +96,9 @@ class SteppedPlant:
             substeps=substeps,
             tick_s=TICK_S,
         )
+        self._columns = [
+            (self._joints[:, i], self._shafts[:, i], self.bank.states[:, i]) for i in range(count)
+        ]
         self._waiting: deque[tuple[int, int, Array]] = deque()
         self._steps = 0
         self._reached_s = 0.0  # the end of the last step
@@ -135,24 +138,22 @@ class SteppedPlant:
         are means over it, duty and voltage hold during it.
         """
         i = self._index[servo_id]
-        direction, zero = self._mount[:, i].tolist()
-        angle, rate, _ = self._joints[:, i].tolist()
-        column = self.bank.states[:, i].tolist()
-        after = ((angle - zero) * direction, rate * direction, column[kernel.HEAT])
+        direction, zero, ambient = self._frames[i]
+        joint, shaft, drive = self._columns[i]
+        angle, rate, _ = joint.tolist()
+        position, velocity, heat = shaft.tolist()
+        state = drive.tolist()
         part = 1.0
         if self._steps:
             part = min(1.0, max(0.0, self._now_s / self._step_s - (self._steps - 1)))
-        position, velocity, heat = (
-            a + part * (b - a) for a, b in zip(self._shafts[:, i].tolist(), after, strict=True)
-        )
         return ServoState(
-            position_rad=position,
-            velocity_rad_s=velocity,
-            duty=column[kernel.DUTY],
-            torque_nm=column[kernel.TORQUE],
-            current_a=column[kernel.CURRENT],
-            voltage_v=column[kernel.VOLTAGE],
-            temperature_c=self._ambient_c[i] + heat,
+            position_rad=position + part * ((angle - zero) * direction - position),
+            velocity_rad_s=velocity + part * (rate * direction - velocity),
+            duty=state[kernel.DUTY],
+            torque_nm=state[kernel.TORQUE],
+            current_a=state[kernel.CURRENT],
+            voltage_v=state[kernel.VOLTAGE],
+            temperature_c=ambient + (heat + part * (state[kernel.HEAT] - heat)),
         )
 
     @property

@@ -182,10 +182,10 @@ class Servo:
         own_id = self.servo_id
         everyone = servo_id == BROADCAST_ID
         refusal, data = self._carry_out(instruction, parameters, everyone=everyone)
-        status = self.status(refusal, data if refusal is None else b"")
+        error = self.error(refusal)
         if refusal is None and self._ends_in_reboot(instruction, parameters):
             self._reboot(now_s)
-        return None if silent else StatusPacket(own_id, status.error, status.parameters)
+        return None if silent else StatusPacket(own_id, error, data if refusal is None else b"")
 
     def _carry_out(
         self, instruction: int, parameters: bytes, *, everyone: bool
@@ -250,8 +250,9 @@ class Servo:
 
     def _is_shut_down(self) -> bool:
         """Whether an alarm shutdown holds until a reboot (models that cut ``torque_enable``)."""
-        cut = self.table.drive["shutdown_cuts"] == "torque_enable"
-        return cut and bool(self.protection.coded() & self.memory["shutdown"])
+        coded = self.protection.coded()
+        cut = coded and self.table.drive["shutdown_cuts"] == "torque_enable"
+        return bool(cut and coded & self.memory["shutdown"])
 
     def _store(self, runs: list[Run]) -> None:
         memory = self.memory

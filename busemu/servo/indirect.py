@@ -34,19 +34,18 @@ class Indirect:
 
     def within(self, address: int, length: int) -> bool:
         """Whether any of the addresses may stand for others."""
-        return any(at in self._holder for at in range(address, address + length))
+        return not self._holder.keys().isdisjoint(range(address, address + length))
 
     def read(self, address: int, length: int) -> bytes:
         """The bytes that a read of existing addresses brings."""
         read = self._memory.read(address, length)
-        if not self._holder:
+        if not self.within(address, length):
             return read
         data = bytearray(read)
-        if self.within(address, length):
-            for offset in range(length):
-                target = self.target(address + offset)
-                if target != address + offset:
-                    data[offset] = self._memory.read(target, 1)[0]
+        for offset in range(length):
+            target = self.target(address + offset)
+            if target != address + offset:
+                data[offset] = self._memory.read(target, 1)[0]
         return bytes(data)
 
     def runs(self, address: int, data: bytes) -> list[Run]:

@@ -9,6 +9,8 @@ from .status import Refusal
 
 #: Puts a measured value [SI] into one register.
 Gauge = Callable[[float], None]
+#: The places of reads and writes that one servo keeps in mind.
+MOST_PLACES = 64
 
 
 class Memory:
@@ -24,7 +26,10 @@ class Memory:
         firmware = table.firmware_version if firmware_version is None else firmware_version
         self._there = {r.name for r in table.registers if r.since_firmware <= firmware}
         self._bytes = bytearray(table.size)
+        self._places = {r.name: slice(r.address, r.address + r.size) for r in table.registers}
+        self._scales = {r.name: (r.decode, r.zero, r.si_scale) for r in table.registers}
         self._gauges: dict[str, Gauge] = {}
+        self._found: dict[tuple[int, int], tuple[Register, ...]] = {}
         self._at: list[Register | None] = [None] * table.size
         for register in table.registers:
             if register.name in self._there:
@@ -53,14 +58,11 @@ class Memory:
                 self[register.name] = register.initial or 0
 
     def __getitem__(self, name: str) -> int:
-        register = self.table[name]
-        start = register.address
-        return int.from_bytes(self._bytes[start : start + register.size], "little")
+        return int.from_bytes(self._bytes[self._places[name]], "little")
 
     def __setitem__(self, name: str, raw: int) -> None:
-        register = self.table[name]
-        start = register.address
-        self._bytes[start : start + register.size] = raw.to_bytes(register.size, "little")
+        place = self._places[name]
+        self._bytes[place] = raw.to_bytes(place.stop - place.start, "little")
 
     def count(self, name: str) -> int:
         """A register's decoded count: negative where its encoding says so."""
@@ -107,7 +109,8 @@ class Memory:
 
     def si(self, name: str) -> float:
         """A register's value in SI."""
-        return self.table[name].to_si(self[name])
+        decode, zero, scale = self._scales[name]
+        return (decode(self[name]) - zero) * scale
 
     def covers(self, address: int, length: int) -> bool:
         """Whether all of the addresses exist."""
@@ -117,12 +120,15 @@ class Memory:
         """The bytes at an address; the caller has made sure that they exist."""
         return bytes(self._bytes[address : address + length])
 
-    def registers(self, address: int, length: int) -> list[Register]:
+    def registers(self, address: int, length: int) -> tuple[Register, ...]:
         """The registers that any of the addresses belong to, in order."""
-        found: list[Register] = []
-        for register in self._at[address : address + length]:
-            if register is not None and (not found or found[-1] is not register):
-                found.append(register)
+        found = self._found.get((address, length))
+        if found is None:
+            if len(self._found) >= MOST_PLACES:
+                self._found.clear()
+            there = self._at[address : address + length]
+            found = tuple(dict.fromkeys(register for register in there if register is not None))
+            self._found[address, length] = found
         return found
 
     def check(self, address: int, data: bytes) -> Refusal | None:
@@ -139,6 +145,9 @@ class Memory:
 
     def after(self, register: Register, address: int, data: bytes) -> int:
         """The raw value that a register would have after the write."""
+        start = register.address - address
+        if 0 <= start <= len(data) - register.size:
+            return int.from_bytes(data[start : start + register.size], "little")
         held = bytearray(self.read(register.address, register.size))
         for offset in range(register.size):
             index = register.address + offset - address

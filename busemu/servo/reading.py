@@ -6,13 +6,11 @@ from collections.abc import Callable
 
 from ..plant import ServoState
 from .indirect import Indirect
-from .memory import Memory
+from .memory import MOST_PLACES, Memory
 from .registers import Behaviour
 
 #: Fills registers from the state of the drive and the instant [s].
 View = Callable[[ServoState, float], None]
-#: The ways to read one servo that are kept in mind.
-MOST_VIEWS = 64
 
 
 class Reading:
@@ -28,7 +26,7 @@ class Reading:
         """What is to be called before a read; ``None`` where not all of the addresses exist."""
         view = self._views.get((address, length))
         if view is None and self._memory.covers(address, length):
-            if len(self._views) >= MOST_VIEWS:
+            if len(self._views) >= MOST_PLACES:
                 self._views.clear()
             view = self._views[address, length] = self._view(address, length)
         return view

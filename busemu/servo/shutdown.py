@@ -39,7 +39,8 @@ class Protection:
 
     def watch(self, state: ServoState, memory: Memory, now_s: float) -> bool:
         """Update the alarms; true when the servo must shut down because of one it now holds."""
-        self.alarms &= HELD | self._shutting_down(memory)
+        if self.alarms:
+            self.alarms &= HELD | self._shutting_down(memory)
         self._watch_causes(state, memory)
         stalled = (
             abs(state.duty) >= self._share and abs(state.velocity_rad_s) < STALL_VELOCITY_RAD_S
@@ -50,7 +51,8 @@ class Protection:
             self._stalled_since_s = now_s
         elif now_s - self._stalled_since_s >= self._allowed_s:
             self.alarms |= Alarm.OVERLOAD
-        return bool(self.coded() & memory["shutdown"])
+        coded = self.coded()
+        return coded != 0 and bool(coded & memory["shutdown"])
 
     def _watch_causes(self, state: ServoState, memory: Memory) -> None:
         """Note the alarms that last as long as their cause does."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,7 +22,7 @@ MODES = {
 
 def command_column(command: DriveCommand) -> Array:
     """A command as one column of the kernel's command array."""
-    column = np.zeros(kernel.COMMANDS)
+    column = [0.0] * kernel.COMMANDS
     column[kernel.ENABLED] = float(command.torque_enable)
     column[kernel.MODE] = MODES[command.operating_mode]
     column[kernel.GOAL_POSITION] = command.goal_position_rad
@@ -36,9 +37,9 @@ def command_column(command: DriveCommand) -> Array:
     column[kernel.PUNCH] = command.punch_duty
     column[kernel.INTEGRAL_GAIN] = command.integral_gain_per_rad_s
     column[kernel.DERIVATIVE_GAIN] = command.derivative_gain_s_per_rad
-    if np.isnan(column).any():
+    if any(map(math.isnan, column)):
         raise ValueError(f"a drive command must not hold NaN: {command}")
-    return column
+    return np.array(column)
 
 
 class DriveBank:
