@@ -125,14 +125,16 @@ class SdkPort:
 
     def _wait(self) -> None:
         limit_s = (self.packet_start_time + self.packet_timeout) / 1e3
+        bus, clock = self.bus, self.clock
         while True:
-            self._waiting += self.bus.poll(self.clock.now_s())
+            now_s = clock.now_s()
+            self._waiting += bus.poll(now_s)
             if self._waiting:
-                self.clock.sleep_until(self.clock.now_s() + self.bus.profile.host_in_s)
+                clock.sleep_until(now_s + bus.profile.host_in_s)
                 return
-            if self._lost or self.clock.now_s() > limit_s:
+            if self._lost or now_s > limit_s:
                 return
-            self.clock.sleep_until(min(self.bus.next_deadline_s(), limit_s + 1e-6))
+            clock.sleep_until(min(bus.next_deadline_s(), limit_s + 1e-6))
 
     def setPacketTimeout(self, packet_length: int) -> None:
         """Start the SDK's timeout for a reply of so many bytes."""

@@ -113,14 +113,16 @@ class JointWheel:
 
     def _compliance(self) -> dict[str, float]:
         memory = self._memory
-        gains: dict[str, float] = {}
-        punch = memory.si("punch")
-        for side in ("cw", "ccw"):
-            slope = memory.table[f"{side}_compliance_slope"]
-            band_rad = slope_step(memory[slope.name]) * slope.si_scale
-            gains[f"margin_{side}_rad"] = memory.si(f"{side}_compliance_margin")
-            gains[f"gain_{side}_per_rad"] = (1.0 - punch) / band_rad
-        return gains
+        rest = 1.0 - memory.si("punch")
+        return {
+            "margin_cw_rad": memory.si("cw_compliance_margin"),
+            "margin_ccw_rad": memory.si("ccw_compliance_margin"),
+            "gain_cw_per_rad": rest / self._band_rad("cw_compliance_slope"),
+            "gain_ccw_per_rad": rest / self._band_rad("ccw_compliance_slope"),
+        }
+
+    def _band_rad(self, slope: str) -> float:
+        return slope_step(self._memory[slope]) * self._memory.table[slope].si_scale
 
     def _pid(self) -> dict[str, float]:
         memory, drive = self._memory, self._memory.table.drive
