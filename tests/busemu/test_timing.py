@@ -222,6 +222,27 @@ def test_uplink_hands_bytes_up_at_the_timer_though_more_come_later() -> None:
     assert uplink.next_deadline_s() is None
 
 
+@pytest.mark.parametrize("lengths", [(8,), (3, 5, 1), (20,), (7, 20)])
+@pytest.mark.parametrize("chunk_bytes", [8, 62])
+def test_uplink_hands_a_run_up_as_its_bytes_one_by_one(
+    lengths: tuple[int, ...], chunk_bytes: int
+) -> None:
+    byte_s = 2.0**-14  # sums of it are exact
+    profile = replace(IDEAL, latency_timer_s=16 * byte_s, chunk_bytes=chunk_bytes)
+    whole, single = Uplink(profile), Uplink(profile)
+    start_s = 0.0
+    for length in lengths:
+        run = bytes(range(length))
+        whole.carry(run, start_s, byte_s)
+        for i in range(length):
+            single.carry(run[i : i + 1], start_s + i * byte_s, byte_s)
+        start_s += (length + 2) * byte_s
+    while (ready_s := single.next_deadline_s()) is not None:
+        assert whole.next_deadline_s() == ready_s
+        assert whole.poll(ready_s) == single.poll(ready_s)
+    assert whole.next_deadline_s() is None
+
+
 def test_baud_rate_return_delay_and_timer_each_move_the_thesis_profile() -> None:
     base = load_profile("thesis-marvin")
 
