@@ -249,22 +249,13 @@ def tap(
                     gone = error
             if taps.counts.rows:
                 taps.save(record, group)
-    except (
-        RobotError,
-        TableError,
-        LinkError,
-        DeviceError,
-        RecordingError,
-        ShadowError,
-    ) as error:
+    except (RobotError, TableError, LinkError, DeviceError, RecordingError, ShadowError) as error:
         fail(error)
     except OSError as error:
         fail(f"--record {record}: {os.strerror(error.errno or 0)}")
     counts = taps.counts
-    what = (
-        f"recorded {record}: {amount(counts.rows, 'row')}, {amount(counts.lost, 'value')} lost; "
-        "see busemu inspect"
-    )
+    rows, lost = amount(counts.rows, "row"), amount(counts.lost, "value")
+    what = f"recorded {record}: {rows}, {lost} lost; see busemu inspect"
     typer.echo(told.after + (what if counts.rows else "nothing was read or written: no recording"))
     for line in beside.summary(begun_s) if beside is not None else []:
         typer.echo(line)

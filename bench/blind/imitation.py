@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from .case import Case, Hidden, fitted_traces
+from .case import Case
 from .nuisances import bounds
 from .sizing import EDGE, noise_floor, rms
 
@@ -66,13 +66,13 @@ class Free:
 def left_of(case: Case, index: int) -> Left:
     """What is left of one of the hidden effects of a case, beside all else in it."""
     channel = case.hidden[index].effect.channel
-    without = dataclasses.replace(case, hidden=_but(case.hidden, index))
+    without = case.without(index)
     free = _free(without)
     floor = noise_floor(case.ground.key, channel)
-    true = _seen(case, channel)
+    true = case.fitted_trace(channel)
 
     def rest_at(units: Floats) -> Floats:
-        return true - _seen(_moved(without, free, units), channel)
+        return true - _moved(without, free, units).fitted_trace(channel)
 
     low = np.array([(f.low - f.now) / f.step for f in free])
     high = np.array([(f.high - f.now) / f.step for f in free])
@@ -136,11 +136,3 @@ def _moved(case: Case, free: Sequence[Free], units: Floats) -> Case:
         ordinary=tuple(parts[:masks]),
         hidden=tuple(parts[masks:]),
     )
-
-
-def _but(hidden: tuple[Hidden, ...], index: int) -> tuple[Hidden, ...]:
-    return (*hidden[:index], *hidden[index + 1 :])
-
-
-def _seen(case: Case, channel: str) -> Floats:
-    return np.concatenate(fitted_traces(case, channel))

@@ -226,13 +226,14 @@ class JointModel:
         (out,) = self._run([self.candidate(hypothesis, z, r)], [r])
         return self.observed[r].replay.samples, np.abs(out[:, kernel.OUT_DUTY])
 
-    def law(self, found: Hypothesis, z: Floats, r: int, every_s: float) -> tuple[Floats, Floats]:
-        """Instants, as near as wanted, and the duty that firmware made of the recorded angles."""
+    def law(self, found: Hypothesis, z: Floats, r: int, every_s: float) -> Floats:
+        """The duty that firmware made of the recorded angles, every so many seconds from 0 on."""
         replay, position = self.observed[r].replay, self.observed[r].position
         t_s: Floats = np.arange(0.0, replay.end_s + every_s, every_s)
         angles = np.interp(t_s, position.t_s[position.good], _good(self.observed[r]))
         batch = Batch([replace(replay, samples=t_s)], threads=1)
-        return t_s, batch.regulate([self.candidate(found, z, r)], [0], [angles])[0]
+        duty: Floats = batch.regulate([self.candidate(found, z, r)], [0], [angles])[0]
+        return duty
 
     def _blocks(
         self,

@@ -101,7 +101,6 @@ def short_refresh(model: JointModel, found: Fit) -> Cause | None:
     least = max(NEEDED, SHARE * always, max(rivals, default=0.0) / SECOND)
     if not tried or tried[period] < least:
         return None
-    span = math.sqrt(float(np.mean([np.ptp(one.t_s) ** 2 for one in seen])))
     # the power of a line in a window falls with the square of pi f T, over 3
     off_hz = math.sqrt(1.5 / tried[period]) / (math.pi * span)
     half = NORMAL * period * math.hypot(period * off_hz, CLOCK)
@@ -150,7 +149,7 @@ def _register(model: JointModel, found: Fit, r: int) -> Register | None:
     samples = model.observed[r].channels.get(Channel.DUTY)
     if samples is None:
         return None
-    _, duty = model.law(found.hypothesis, found.z, r, FINE_S)
+    duty = model.law(found.hypothesis, found.z, r, FINE_S)
     keep = samples.good & (np.abs(samples.value) < FULL)
     t_s, value = samples.t_s[keep], samples.value[keep]
     at = np.minimum(np.round(t_s / FINE_S).astype(np.int64), len(duty) - 1)

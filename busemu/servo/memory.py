@@ -27,7 +27,7 @@ class Memory:
         self._there = {r.name for r in table.registers if r.since_firmware <= firmware}
         self._bytes = bytearray(table.size)
         self._places = {r.name: slice(r.address, r.address + r.size) for r in table.registers}
-        self._scales = {r.name: (r.decode, r.zero, r.si_scale) for r in table.registers}
+        self._to_si = {r.name: r.to_si for r in table.registers}
         self._gauges: dict[str, Gauge] = {}
         self._found: dict[tuple[int, int], tuple[Register, ...]] = {}
         self._at: list[Register | None] = [None] * table.size
@@ -109,8 +109,7 @@ class Memory:
 
     def si(self, name: str) -> float:
         """A register's value in SI."""
-        decode, zero, scale = self._scales[name]
-        return (decode(self[name]) - zero) * scale
+        return self._to_si[name](self[name])
 
     def covers(self, address: int, length: int) -> bool:
         """Whether all of the addresses exist."""

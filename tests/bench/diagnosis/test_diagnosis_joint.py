@@ -11,6 +11,9 @@ from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import Channel, observe
 from sim.model import read_model
 
+STEP_S = 0.05e-3
+"""How finely the duty of the law is asked for [s]."""
+
 
 def diagnosed(observed, judged=()):
     found = diagnose_joint(read_model(robot()), robot(), observed, judged, effects={})
@@ -24,9 +27,11 @@ def seen(*motions):
 def held(one, period_s):
     """The same recording with a load register of its own period."""
     model = JointModel(read_model(robot()), robot(), [one])
-    grid, duty = model.law(Hypothesis(), np.zeros(len(model.nuisances)), 0, 0.05e-3)
+    duty = model.law(Hypothesis(), np.zeros(len(model.nuisances)), 0, STEP_S)
     samples = one.channels[Channel.DUTY]
-    value = np.interp(np.floor(samples.t_s / period_s) * period_s, grid, duty)
+    value = np.interp(
+        np.floor(samples.t_s / period_s) * period_s, STEP_S * np.arange(len(duty)), duty
+    )
     channels = dict(one.channels) | {Channel.DUTY: replace(samples, value=value)}
     return replace(one, channels=channels)
 

@@ -40,7 +40,7 @@ class Model:
 
     def law(self, found, z, r, every_s):
         t_s = np.arange(0.0, self.observed[r].channels[Channel.DUTY].t_s[-1] + every_s, every_s)
-        return t_s, law(t_s)
+        return law(t_s)
 
 
 FOUND = SimpleNamespace(hypothesis=None, z=None)
