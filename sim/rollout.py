@@ -146,10 +146,10 @@ class Batch:
     ) -> list[Array]:
         """Duty of the controllers alone, along angles that were read: (samples,) for each.
 
-        ``sensed_rad`` is what each replay's servo read at the replay's samples. It is the
+        ``sensed_rad`` is what each replay's servo showed at the replay's samples. It is the
         controller's own sensor, so zero and linearity of the sensor play no part.
         """
-        arrays, _, jobs = self._jobs(candidates, replays)
+        arrays, loads, jobs = self._jobs(candidates, replays)
         arrays.params[kernel.ZERO_OFFSET] = 0.0
         arrays.params[kernel.WAVE] = 0.0
         longest = max(len(self.replays[r].samples) for r in replays)
@@ -159,7 +159,15 @@ class Batch:
             sensed[j, : len(angles)] = angles
         tasks = [
             _pool(self._threads).submit(
-                kernel.regulate, arrays, jobs, sensed, TICK_S, first, last, out
+                kernel.regulate,
+                arrays,
+                loads[kernel.SAMPLE_SKEW],
+                jobs,
+                sensed,
+                TICK_S,
+                first,
+                last,
+                out,
             )
             for first, last in self._parts(len(candidates))
         ]

@@ -21,6 +21,7 @@ from busemu.plant import DriveCommand, ServoState
 from .drive import kernel
 from .drive.bank import DriveBank, command_column
 from .drive.kernel import Array
+from .shown import ShownPosition
 from .tree import PhysicalRobot
 from .watch import WATCH_S, Contacts, Event, Watch
 
@@ -99,6 +100,10 @@ class SteppedPlant:
         self._columns = [
             (self._joints[:, i], self._shafts[:, i], self.bank.states[:, i]) for i in range(count)
         ]
+        self._shown: ShownPosition | None = None
+        if ShownPosition.needed(robot, self.bank.params):
+            self._shown = ShownPosition(robot, self.bank.params, self._step_s)
+            self._shown.keep(0, (self._joint_rad - self._mount[1]) * self._mount[0])
         self._waiting: deque[tuple[int, int, Array]] = deque()
         self._steps = 0
         self._reached_s = 0.0  # the end of the last step
@@ -135,7 +140,7 @@ class SteppedPlant:
         """The state of one servo at exactly the instant last advanced to.
 
         Angle, velocity and temperature lie between the two ends of the step; torque and current
-        are means over it, duty and voltage hold during it.
+        are means over it, duty and voltage hold during it. The angle is the one that is shown.
         """
         i = self._index[servo_id]
         direction, zero, ambient = self._frames[i]
@@ -146,9 +151,13 @@ class SteppedPlant:
         part = 1.0
         if self._steps:
             part = min(1.0, max(0.0, self._now_s / self._step_s - (self._steps - 1)))
+        position += part * ((angle - zero) * direction - position)
+        velocity += part * (rate * direction - velocity)
+        if self._shown is not None:
+            position = self._shown(i, self._now_s, position, velocity)
         return ServoState(
-            position_rad=position + part * ((angle - zero) * direction - position),
-            velocity_rad_s=velocity + part * (rate * direction - velocity),
+            position_rad=position,
+            velocity_rad_s=velocity,
             duty=state[kernel.DUTY],
             torque_nm=state[kernel.TORQUE],
             current_a=state[kernel.CURRENT],
@@ -194,6 +203,8 @@ class SteppedPlant:
         self._engine.step(self._torque_nm)
         self._engine.read(self._joint_rad, self._joint_rad_s)
         self._steps += 1
+        if self._shown is not None:
+            self._shown.keep(self._steps, (self._joint_rad - self._mount[1]) * self._mount[0])
         self._until_watch -= 1
         if self._until_watch == 0:
             self._until_watch = self._watch_steps

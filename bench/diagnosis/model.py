@@ -38,6 +38,8 @@ Floats = NDArray[np.float64]
 
 RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
+#: of the gain, and of the instants of the angles that a controller's duty is worked out along
+TURNING = frozenset({"gain", "sampling", "read_skew"})
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 
 
@@ -117,7 +119,9 @@ class JointModel:
             np.interp(o.replay.samples, o.position.t_s[o.position.good], _good(o)) for o in observed
         ]
         self._speed = [_speed(o) for o in observed]
-        self._controllers = {n: e.enters == "controller" for n, e in catalogue().items()}
+        self._controllers = {
+            n for n, e in catalogue().items() if e.enters == "controller"
+        } | TURNING
         self._made: dict[object, Candidate] = {}
         self._arm_loads: dict[object, Load] = {}
         self.rollouts = 0  #: how many were run so far
@@ -142,8 +146,8 @@ class JointModel:
     def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
         """Whether number ``k`` of a vector is one that the controller's duty depends on."""
         if k < len(self.nuisances):
-            return self.nuisances[k].name == "gain"
-        return self._controllers[hypothesis.knobs[k - len(self.nuisances)].effect]
+            return self.nuisances[k].name in TURNING
+        return hypothesis.knobs[k - len(self.nuisances)].effect in self._controllers
 
     def candidate(self, hypothesis: Hypothesis, z: Floats, r: int) -> Candidate:
         """What a vector makes of the joint in one recording."""
@@ -256,14 +260,16 @@ class JointModel:
                 extra = (speed[at] * INSTANT_S) ** 2
             elif kind is Kind.DUTY:
                 assert duty is not None
+                modelled, aged = duty[at], 0.0
                 if self._load_refresh_s:
+                    # a new value was made at some time since the read before
                     keep = keep & np.concatenate([[False], np.diff(samples.value) != 0.0])
-                modelled = duty[at]
+                    earlier = np.concatenate([modelled[:1], modelled[:-1]])
+                    modelled, aged = 0.5 * (modelled + earlier), (modelled - earlier) ** 2 / 12.0
                 gain = np.abs(out[:, kernel.OUT_DUTY]) < 1.0
                 slope = self._gain(r) * gain[at]
-                extra = (slope * observed.position.quantum) ** 2 / 6.0 + (
-                    slope * speed[at] * 4.0 * INSTANT_S
-                ) ** 2
+                extra = (slope * speed[at] * 4.0 * INSTANT_S) ** 2
+                extra += (slope * observed.position.quantum) ** 2 / 6.0 + aged
             else:
                 drawn = out[at, kernel.OUT_DUTY] * out[at, kernel.OUT_CURRENT]
                 drop = candidate.source_ohm * drawn

@@ -135,7 +135,7 @@ LOAD_INERTIA = 0  #: about the joint's axis [kg m^2]
 SHAFT_POSITION = 1  #: of the output shaft, at the start and then as it moves [rad]
 SHAFT_VELOCITY = 2  #: [rad/s]
 SHAFT_FRICTION = 3  #: Coulomb friction of the load's own bearing [N m]
-SAMPLE_SKEW = 4  #: samples are taken this much later than their times say [s]
+SAMPLE_SKEW = 4  #: angle and speed are of an instant this much later than their samples' [s]
 DUTY_REFRESH = 5  #: what a sample shows of the duty is made anew in this period [s], 0 is always
 DUTY_PHASE = 6  #: when that first happens [s]
 LOADS = 7
@@ -524,7 +524,7 @@ def rollout(
 
 
 @compiled
-def roll_one(  # noqa: PLR0915 - one loop, compiled as one
+def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
     arrays: Arrays, loads: Array, jobs: Jobs, tick_s: float, substeps: int, job: int, out: Array
 ) -> None:
     """One job of :func:`rollout`."""
@@ -532,7 +532,7 @@ def roll_one(  # noqa: PLR0915 - one loop, compiled as one
     recording = jobs.recording[job]
     event, last_event = jobs.event_range[recording], jobs.event_range[recording + 1]
     sample, last_sample = jobs.sample_range[recording], jobs.sample_range[recording + 1]
-    first_sample = sample
+    first_sample = seen = sample  # what the sensor shows may be of another instant than the rest
     low, rows = jobs.gravity_range[job], jobs.gravity_range[job + 1] - jobs.gravity_range[job]
     sine, cosine = jobs.gravity[low, 1], jobs.gravity[low, 0]
     end = jobs.end_s[recording]
@@ -598,11 +598,14 @@ def roll_one(  # noqa: PLR0915 - one loop, compiled as one
         states[CURRENT, job] = current_sum / substeps
         warm(arrays, job, t.resistance * square_sum / substeps, tick_s)
         after = sense(params, job, shaft)
-        while sample < last_sample and jobs.samples[sample] + skew <= now + tick_s:
-            part = max(0.0, (jobs.samples[sample] + skew - now) / tick_s)
-            row = out[job, sample - first_sample]
+        while seen < last_sample and jobs.samples[seen] + skew <= now + tick_s:
+            part = max(0.0, (jobs.samples[seen] + skew - now) / tick_s)
+            row = out[job, seen - first_sample]
             row[OUT_POSITION] = before + part * (after - before)
             row[OUT_VELOCITY] = before_pace + part * (pace - before_pace)
+            seen += 1
+        while sample < last_sample and jobs.samples[sample] <= now + tick_s:
+            row = out[job, sample - first_sample]
             row[OUT_DUTY] = shown
             row[OUT_VOLTAGE] = states[VOLTAGE, job]
             row[OUT_CURRENT] = states[CURRENT, job]
@@ -612,27 +615,35 @@ def roll_one(  # noqa: PLR0915 - one loop, compiled as one
 
 @compiled
 def regulate(
-    arrays: Arrays, jobs: Jobs, sensed: Array, tick_s: float, first: int, last: int, out: Array
+    arrays: Arrays,
+    skew: Array,
+    jobs: Jobs,
+    sensed: Array,
+    tick_s: float,
+    first: int,
+    last: int,
+    out: Array,
 ) -> None:
     """Duty of some jobs' controllers along given angles, into ``out`` (jobs, samples).
 
-    ``sensed`` (jobs, samples) is what the servo itself read at the job's samples; between them the
-    shaft is taken to move evenly. What the motor makes of the duty plays no part.
+    ``sensed`` (jobs, samples) is what the servo showed at the job's samples, and sensed ``skew``
+    (jobs) [s] after them; between those instants the shaft is taken to move evenly. What the motor
+    makes of the duty plays no part.
     """
     for job in range(first, last):
-        regulate_one(arrays, jobs, sensed, tick_s, job, out)
+        regulate_one(arrays, skew[job], jobs, sensed, tick_s, job, out)
 
 
 @compiled
 def regulate_one(
-    arrays: Arrays, jobs: Jobs, sensed: Array, tick_s: float, job: int, out: Array
+    arrays: Arrays, skew: float, jobs: Jobs, sensed: Array, tick_s: float, job: int, out: Array
 ) -> None:
     """One job of :func:`regulate`."""
     params, commands = arrays.params, arrays.commands
     recording = jobs.recording[job]
     event, last_event = jobs.event_range[recording], jobs.event_range[recording + 1]
     first, last = jobs.sample_range[recording], jobs.sample_range[recording + 1]
-    sample, tick = first, 0
+    sample, seen, tick = first, first, 0
     while sample < last:
         now = tick * tick_s
         while event < last_event and jobs.events[event, 0] + params[DELAY, job] <= now:
@@ -640,13 +651,15 @@ def regulate_one(
             if field < SUPPLY_EVENT:
                 commands[field, job] = jobs.events[event, 2]
             event += 1
-        angle, pace = sensed[job, sample - first], 0.0
-        if sample > first:
-            span = max(jobs.samples[sample] - jobs.samples[sample - 1], 1e-6)
-            pace = (angle - sensed[job, sample - 1 - first]) / span
-            angle -= pace * (jobs.samples[sample] - now)
+        angle, pace = sensed[job, seen - first], 0.0
+        if seen > first:
+            span = max(jobs.samples[seen] - jobs.samples[seen - 1], 1e-6)
+            pace = (angle - sensed[job, seen - 1 - first]) / span
+            angle -= pace * (jobs.samples[seen] + skew - now)
         control_one(arrays, job, angle, pace, tick_s)
         tick += 1
+        while seen < last - 1 and jobs.samples[seen] + skew <= tick * tick_s:
+            seen += 1
         while sample < last and jobs.samples[sample] <= tick * tick_s:
             out[job, sample - first] = arrays.states[DUTY, job]
             sample += 1

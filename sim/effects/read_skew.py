@@ -1,4 +1,4 @@
-"""Servos are sampled at other times than believed."""
+"""Positions are of other instants than believed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EFFECT = Effect(
     group=Group.SENSING,
     scope=Scope.BUS,
     enters="bus",
-    equation="sample at t + skew; below 0 an older position is shown",
+    equation="the position shown at t is that of t + skew; below 0 an older one",
     source="18 joints read one after another are 18 instants",
     parameters=(
         Parameter(

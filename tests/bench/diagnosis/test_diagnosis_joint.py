@@ -7,7 +7,7 @@ import pyarrow as pa
 from pendulum_logs import JOINT, MOTIONS, POSITION, logs, robot
 
 from bench.diagnosis.joint import diagnose_joint
-from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import Channel, observe
 from sim.model import read_model
 
@@ -34,6 +34,17 @@ def held(one, period_s):
     )
     channels = dict(one.channels) | {Channel.DUTY: replace(samples, value=value)}
     return replace(one, channels=channels)
+
+
+def test_a_new_value_of_a_held_register_was_made_at_some_time_since_the_read_before():
+    one = held(*seen("fast"), 0.0371)
+    model = JointModel(read_model(robot()), robot(), [one], load_refresh_s=0.0371)
+    z = np.zeros(len(model.nuisances))
+    block = model.residuals(Hypothesis(), [z])[0][0, Kind.DUTY]
+    law = model.law(Hypothesis(), z, 0, STEP_S)
+    pace = np.gradient(law, STEP_S)[np.round(block.t_s / STEP_S).astype(int)]
+    late_s = -float(pace @ block.value / (pace @ pace))  # what is left goes with the duty's pace
+    assert abs(late_s) < 0.1 * np.median(np.diff(one.channels[Channel.DUTY].t_s))
 
 
 def test_a_register_that_is_always_new_and_read_well_is_no_cause():

@@ -52,7 +52,7 @@ MOVES: Mapping[str, set[str]] = {
     # sensing
     "zero_offset": {P, D},
     "encoder_nonlinearity": {P, D},
-    "read_skew": {P, D},
+    "read_skew": {P, R},  # along angles that are of other instants than they are shown at
     "load_refresh": {D},
     "latency_timer": set(),  # of the bus: replies, not instants
     "lost_samples": set(),

@@ -202,7 +202,7 @@ def test_a_controller_along_angles_knows_neither_motor_nor_load_nor_sensor() -> 
         wave_rad=0.05,
         current_cap_a=0.1,
     )
-    elsewhere = candidate(other, pendulum(0.9), source_ohm=1.0, skew_s=0.02, load_refresh_s=0.13)
+    elsewhere = candidate(other, pendulum(0.9), source_ohm=1.0, load_refresh_s=0.13)
     assert (regulated(elsewhere, told, angles) == plain).all()
 
 
@@ -218,11 +218,27 @@ def test_a_delay_is_commands_that_come_later() -> None:
     assert (slow != run(candidate(DRIVE), told)).any()
 
 
-def test_a_skew_is_samples_that_are_taken_later() -> None:
-    skew = 0.0057
-    told = swinging(1.0, samples=np.arange(0.0, 0.9, 0.0123))
+@pytest.mark.parametrize("skew", [0.0057, -0.0057])
+def test_a_skew_is_an_angle_of_another_instant_and_a_duty_of_this_one(skew: float) -> None:
+    told = swinging(1.0, samples=np.arange(0.1, 0.9, 0.0123))
     late = replace(told, samples=told.samples + skew)
-    assert (run(candidate(DRIVE, skew_s=skew), told) == run(candidate(DRIVE), late)).all()
+    skewed, now, then = (
+        run(candidate(DRIVE, skew_s=s), t) for s, t in ((skew, told), (0.0, told), (0.0, late))
+    )
+    sensor = [kernel.OUT_POSITION, kernel.OUT_VELOCITY]
+    assert (skewed[:, sensor] == then[:, sensor]).all()
+    rest = [c for c in range(kernel.CHANNELS) if c not in sensor]
+    assert (skewed[:, rest] == now[:, rest]).all()
+
+
+@pytest.mark.parametrize("skew", [0.0057, -0.0057])
+def test_a_controller_is_asked_along_angles_at_the_instants_they_are_of(skew: float) -> None:
+    told = swinging(1.0, samples=np.arange(0.1, 0.9, 0.002))
+    out = run(candidate(DRIVE, skew_s=skew), told)
+    duty = regulated(candidate(DRIVE, skew_s=skew), told, position(out))
+    misread = regulated(candidate(DRIVE), told, position(out))
+    right, wrong = (np.abs(d - out[:, kernel.OUT_DUTY])[20:-20].mean() for d in (duty, misread))
+    assert right < 0.1 * wrong
 
 
 def test_a_sample_between_ticks_lies_between_them() -> None:

@@ -1,0 +1,54 @@
+"""The angle a servo shows: what its sensor makes of the shaft, and of which instant."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .drive import kernel
+from .drive.kernel import Array
+from .tree import PhysicalRobot
+
+
+class ShownPosition:
+    """Where the angle that is shown is not the output shaft's at this instant.
+
+    ``zero_offset`` and ``encoder_nonlinearity`` turn the angle, ``read_skew`` shows one of another
+    instant. A later one is not known yet: then the shaft is taken to go on at its speed.
+    """
+
+    def __init__(self, robot: PhysicalRobot, params: Array, step_s: float) -> None:
+        self._params = params
+        turned = (params[kernel.ZERO_OFFSET] != 0.0) | (params[kernel.WAVE] != 0.0)
+        self._turned: list[bool] = turned.tolist()
+        self._skew_s = robot.reading.skew_s
+        self._step_s = step_s
+        self._kept: list[Array] = []  #: the shafts' angles at the ends of the last steps, a ring
+        if self._skew_s < 0.0:
+            count = math.ceil(-self._skew_s / step_s) + 2
+            self._kept = [np.zeros(len(self._turned)) for _ in range(count)]
+
+    @staticmethod
+    def needed(robot: PhysicalRobot, params: Array) -> bool:
+        """Whether any servo of the robot shows another angle than its shaft's."""
+        turned = params[kernel.ZERO_OFFSET].any() or params[kernel.WAVE].any()
+        return bool(turned) or robot.reading.skew_s != 0.0
+
+    def keep(self, steps: int, position_rad: Array) -> None:
+        """Note the shafts' angles (servo frame) at the end of so many steps."""
+        if self._kept:
+            self._kept[steps % len(self._kept)][:] = position_rad
+
+    def __call__(self, i: int, now_s: float, position_rad: float, velocity_rad_s: float) -> float:
+        """What servo ``i`` shows [rad], its shaft at ``position_rad`` now."""
+        if self._kept:
+            place = max(0.0, (now_s + self._skew_s) / self._step_s)
+            before = math.floor(place)
+            low, high = (float(self._kept[k % len(self._kept)][i]) for k in (before, before + 1))
+            position_rad = low + (place - before) * (high - low)
+        else:
+            position_rad += self._skew_s * velocity_rad_s
+        if self._turned[i]:
+            position_rad = kernel.sense(self._params, i, position_rad)
+        return position_rad
