@@ -160,9 +160,14 @@ class Played:
     stands: NDArray[np.bool_]
 
 
-def play(scene: Scene, plan: Plan, body: Body, electrics: Electrics) -> Played:
-    """Run a plan by the robot's own software over the emulated bus in virtual time."""
-    robot = scene.robot
+def play(
+    scene: Scene, plan: Plan, body: Body, electrics: Electrics, robot: Robot | None = None
+) -> Played:
+    """Run a plan by the robot's own software over the emulated bus in virtual time.
+
+    ``robot`` is the scene's with another gait, where it shall walk one.
+    """
+    robot = robot or scene.robot
     plant = Watched(robot, body, electrics)
     session = in_process(robot, plant, load_profile(robot.timing), observe_every_s=OBSERVE_S)
     seen: list[tuple[Floats, NDArray[np.bool_]]] = []

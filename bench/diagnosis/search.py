@@ -89,11 +89,16 @@ class Gain:
 
 
 def starts(knobs: Sequence[Knob], some: Sequence[float] = SIZES) -> list[Floats]:
-    """Values of an effect's knobs to try: amplitudes together, shapes in all combinations."""
+    """Values of an effect's knobs to try, shapes in all combinations.
+
+    Amplitudes that may have either sign are tried one by one, others together.
+    """
     choices: list[tuple[float, ...]] = []
     amplitudes = [k for k in knobs if not k.parameter.shape]
-    two_sided = len(amplitudes) == 1 and amplitudes[0].bounds[0] < 0.0
-    sizes = (*some, *(-s for s in some)) if two_sided else some
+    sizes = [[size] * len(amplitudes) for size in some]
+    if amplitudes and all(k.bounds[0] < 0.0 for k in amplitudes):
+        signed = [sign * size for sign in (1.0, -1.0) for size in some]
+        sizes = [[s * (a is k) for a in amplitudes] for k in amplitudes for s in signed]
     for knob in knobs:
         if knob.parameter.shape:
             low, high = knob.bounds
@@ -102,9 +107,9 @@ def starts(knobs: Sequence[Knob], some: Sequence[float] = SIZES) -> list[Floats]
     tried = []
     for size in sizes:
         for shapes in product(*choices):
-            left = list(shapes)
+            left, own = list(shapes), list(size)
             tried.append(
-                np.array([left.pop(0) if k.parameter.shape else size for k in knobs], np.float64)
+                np.array([(left if k.parameter.shape else own).pop(0) for k in knobs], np.float64)
             )
     return tried
 

@@ -54,9 +54,7 @@ class Walker:
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
         self.profile = load_profile(robot.timing)
-        self.sensors = {
-            mount.joint: TorqueSensor.of(robot, mount, mount.registers) for mount in robot.servos
-        }
+        self.sensors = torque_sensors(robot)
 
     def __call__(self, job: Job, check: Check = lambda: None) -> Outcome:
         """Walk, and measure. What ``check`` raises ends it, with the torque off."""
@@ -116,7 +114,8 @@ class Walker:
         if fell_s is None:
             path = [np.interp(steady, seen.t_s, column) for column in seen.path[1:]]
             speed = displacement(steady, *path).speed_m_s
-        name, torque = self._largest_torque(session.recording("walk", "gait-search"), span)
+        walked = session.recording("walk", "gait-search")
+        name, torque = largest_torque(self.robot, self.sensors, walked, span)
         touches = [e for e in eye.events if e.what is What.SELF_CONTACT and e.t_s >= span[0]]
         return Outcome(
             job=job,
@@ -134,16 +133,27 @@ class Walker:
             missed_deadlines=report.missed_deadlines,
         )
 
-    def _largest_torque(self, recording: Recording, span: tuple[float, float]) -> tuple[str, float]:
-        """Joint and size of the largest torque over a span, as a share of its stall torque."""
-        largest = {}
-        for joint, sensor in self.sensors.items():
-            read = samples(recording, self.robot, joint, span)
-            velocity = velocity_rad_s(read.t_s, read.position_rad)
-            torque_nm = sensor.torque_nm(read.error_rad, read.voltage_v, velocity)
-            largest[joint] = float(np.nanmax(np.abs(torque_nm))) / sensor.stall_nm
-        worst = max(largest, key=lambda joint: largest[joint])
-        return worst, largest[worst]
+
+def torque_sensors(robot: Robot) -> dict[str, TorqueSensor]:
+    """The position error of every joint as a sensor of its torque."""
+    return {mount.joint: TorqueSensor.of(robot, mount, mount.registers) for mount in robot.servos}
+
+
+def largest_torque(
+    robot: Robot,
+    sensors: Mapping[str, TorqueSensor],
+    recording: Recording,
+    span: tuple[float, float],
+) -> tuple[str, float]:
+    """Joint and size of the largest torque over a span [s], as a share of its stall torque."""
+    largest = {}
+    for joint, sensor in sensors.items():
+        read = samples(recording, robot, joint, span)
+        velocity = velocity_rad_s(read.t_s, read.position_rad)
+        torque_nm = sensor.torque_nm(read.error_rad, read.voltage_v, velocity)
+        largest[joint] = float(np.nanmax(np.abs(torque_nm))) / sensor.stall_nm
+    worst = max(largest, key=lambda joint: largest[joint])
+    return worst, largest[worst]
 
 
 def steady_from_s(job: Job, span: tuple[float, float]) -> float:

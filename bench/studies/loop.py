@@ -3,7 +3,8 @@
 A robot of another engine, with soft tips and soft joints that its file does not have, is recorded
 and diagnosed from its joints. Then the robot's own program walks, unmodified, over the emulated bus
 once with the file as it was and once with the better model; and both are compared with how the
-robot itself walked a walk that the diagnosis has not seen.
+robot itself walked a walk that the diagnosis has not seen. At last a fast gait is searched on each
+of the two models, and the robot itself walks both.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from busemu.tables import Robot, load_robot
 from busemu.timing import load_profile
 from sim.world import BulletPlant
 
+from . import loop_gaits
 from .stance_runs import LOADS_KG, SCENE, SECONDS, Cause, Run, recording_of, specimen
 
 FORMAT = "busemu-loop-study/1"
@@ -142,6 +144,11 @@ def study(seed: int, out: Path, say: Say) -> dict[str, Any]:
         out / "loop.png",
     )
     write_json(out / "loop.json", finite(result))
+    result["gaits"] = {
+        name: loop_gaits.told(run, loop_gaits.searched(robot, out / f"gaits-{name}", say), say)
+        for name, robot in (("before", base), ("after", better))
+    }
+    write_json(out / "loop.json", finite(result))
     journal.finished()
     return result
 
@@ -165,4 +172,5 @@ def lines(result: dict[str, Any]) -> Sequence[str]:
         f"{1e3 * rmse['after']:.2f} after; the robot against itself {1e3 * rmse['floor']:.2f}",
         f"travelled in {result['seconds']:g} s: robot {far['real']:.3f} m, before "
         f"{far['before']:.3f}, after {far['after']:.3f}",
+        *loop_gaits.lines(result["gaits"]),
     ]

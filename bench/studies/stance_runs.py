@@ -6,6 +6,7 @@ import enum
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,15 +150,17 @@ def record(run: Run, plan: WalkPlan, name: str) -> Recording:
     return recording_of(scene.robot, played, name, plan.payload_kg)
 
 
-def recording_of(robot: Robot, played: Played, name: str, payload_kg: float) -> Recording:
-    """What the robot's program wrote and read, and the height of the trunk beside it."""
+def recording_of(
+    robot: Robot, played: Played, name: str, payload_kg: float, watched: Sequence[str] = (HEIGHT,)
+) -> Recording:
+    """What the robot's program wrote and read, and what was watched of its trunk beside it."""
     metadata = of_robot(
         robot, name=name, source="simulation", group=name, condition={"payload_kg": payload_kg}
     )
     told = _plain(played.session.recorder.table())
     seen = _plain(played.session.observed.table())
-    heights = seen.filter(pc.equal(seen.column("register"), HEIGHT))
-    table = pa.concat_tables([told, heights]).sort_by("t_s")
+    beside = seen.filter(pc.is_in(seen.column("register"), pa.array(watched)))
+    table = pa.concat_tables([told, beside]).sort_by("t_s")
     return Recording.checked(table, {"format": FORMAT, **metadata})
 
 

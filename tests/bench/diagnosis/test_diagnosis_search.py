@@ -147,9 +147,13 @@ def test_an_effect_is_tried_within_its_bounds_and_never_off(name):
     for z in tried:
         assert len(z) == len(knobs)
         assert any(x != 0.0 for x, k in zip(z, knobs, strict=True) if not k.parameter.shape)
-    both_ways = {np.sign(z[0]) for z in tried} == {-1.0, 1.0}
-    amplitudes = [k for k in knobs if not k.parameter.shape]
-    assert both_ways is (len(amplitudes) == 1 and knobs[0].bounds[0] < 0.0)
+    amplitudes = [i for i, k in enumerate(knobs) if not k.parameter.shape]
+    if all(knobs[i].bounds[0] < 0.0 for i in amplitudes):  # each alone, either way
+        alone = {(i, np.sign(z[i])) for z in tried for i in amplitudes if z[i] != 0.0}
+        assert alone == {(i, sign) for i in amplitudes for sign in (-1.0, 1.0)}
+        assert all(sum(z[i] != 0.0 for i in amplitudes) == 1 for z in tried)
+    else:
+        assert all((z[amplitudes] > 0.0).all() for z in tried)
 
 
 def test_a_twin_is_tried_in_the_place_of_its_nuisance():
