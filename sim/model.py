@@ -72,6 +72,13 @@ def read_model(
             model = addition.to(model)
         except PhysicsError as error:
             raise PhysicsError(f"{robot.path}: [effect][{number}] {error}") from None
+    for joint in model.joints:
+        if (share := joint.drive.friction.load_motor) >= 1.0:
+            raise PhysicsError(
+                f"{robot.path}: {joint.name}: friction takes {share:.3g} (ratio) of the motor's "
+                "torque in all, so that it never moves: 0 to below 1 (ratio) is possible; lower "
+                "load_motor or the effects of load friction"
+            )
     return model
 
 
@@ -125,9 +132,13 @@ def _addition(section: Section) -> Addition:
         )
     try:
         kind = effect(name)
-        estimates = {key: _estimate(kind.parameter(key), entry) for key, entry in entries.items()}
+        parameters = {key: kind.parameter(key) for key in entries}
     except PhysicsError as error:
         raise section.fail(str(error)) from None
+    try:
+        estimates = {key: _estimate(parameters[key], entry) for key, entry in entries.items()}
+    except PhysicsError as error:
+        raise section.fail(f"effect {name}: {error}") from None
     return Addition(kind, tuple(where), estimates)
 
 

@@ -116,12 +116,19 @@ class Effect:
         not have, an unknown parameter or a value out of its bounds.
         """
         places = self.places(robot)
-        if self.scope in (Scope.JOINT, Scope.LEG, Scope.BODY) and not places:
+        wide = self.scope in (Scope.ROBOT, Scope.BUS)
+        if not wide and not places:
             raise PhysicsError(f"effect {self.name}: {robot.name} has no {self.scope.value}")
         chosen = frozenset(where) or places
         if unknown := sorted(chosen - places):
+            if wide:
+                raise PhysicsError(
+                    f"effect {self.name} acts on the whole {self.scope.value}, not on "
+                    f"{unknown[0]!r}: leave where away"
+                )
             raise PhysicsError(
-                f"effect {self.name}: {robot.name} has no {self.scope.value} {unknown[0]!r}"
+                f"effect {self.name}: {robot.name} has no {self.scope.value} {unknown[0]!r}: use "
+                f"{', '.join(sorted(places))}, or leave where away for all of them"
             )
         for name, value in values.items():
             try:

@@ -105,7 +105,25 @@ def parameters(**width: Any) -> dict[str, Any]:
     return {**PLAY, "parameters": {"width_rad": width}}
 
 
+SAG = {"name": "voltage_sag", "parameters": {"resistance_ohm": {"value": 0.5, "source": "a"}}}
+SKEW = {"name": "read_skew", "parameters": {"skew_s": {"value": 0.005, "source": "a"}}}
 REFUSED = {
+    "a place for what acts on the whole robot": (
+        {**SAG, "where": ["leg1"]},
+        "effect voltage_sag acts on the whole robot, not on 'leg1': leave where away",
+    ),
+    "a place for what acts on the bus": (
+        {**SKEW, "where": ["leg1.tibia"]},
+        "effect read_skew acts on the whole bus, not on 'leg1.tibia': leave where away",
+    ),
+    "out of bounds, by its effect": (
+        parameters(value=0.5, source="a"),
+        "effect backlash: width_rad = 0.5 rad is not within 0 to 0.1 rad",
+    ),
+    "unknown place, and which there are": (
+        {**PLAY, "where": ["leg7.tibia"]},
+        "use leg1.coxa, leg1.femur, leg1.tibia, leg2.coxa,",
+    ),
     "unknown effect": ({**PLAY, "name": "blacklash"}, "no effect named 'blacklash'"),
     "unknown place": ({**PLAY, "where": ["leg7.tibia"]}, "no joint 'leg7.tibia'"),
     "unknown parameter": (
@@ -136,6 +154,13 @@ def test_effects_that_cannot_be_are_refused_with_one_line(case: str) -> None:
     assert says in str(caught.value)
     assert "marvin.toml: [effect][0]" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_gear_that_friction_jams_is_refused_with_what_it_comes_to() -> None:
+    sticky = {"name": "load_friction", "parameters": {"ratio": {"value": 0.6, "source": "a"}}}
+    read_model(with_effect(sticky))
+    with pytest.raises(RobotError, match=r"friction takes 1\.2 \(ratio\) of the motor's torque"):
+        read_model(with_effect(sticky, sticky))
 
 
 def test_an_effect_of_legs_is_refused_on_a_robot_without_legs() -> None:
