@@ -9,8 +9,10 @@ from typing import Any
 
 from busemu.assemble import assemble
 from busemu.bus import Bus
+from busemu.chance import seeded
 from busemu.clock import Clock, MonotonicClock, VirtualClock
-from busemu.plant import Plant
+from busemu.faults import Faults
+from busemu.plant import Plant, reading_of
 from busemu.ports.sdk import SdkPort
 from busemu.tables import Robot
 from busemu.timing import Profile
@@ -78,6 +80,8 @@ def in_process(
     """
     clock: VirtualClock = VirtualClock()
     bus = assemble(robot, plant, profile)
+    if reading_of(plant).lost_share:
+        Faults(bus, robot, seeded(0))
     recorder = Recorder()
     observed = Recorder()
     if observe_every_s > 0.0:

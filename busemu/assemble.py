@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
 from .bus import Bus
-from .plant import Plant
+from .plant import Plant, reading_of
 from .servo import Servo
 from .tables import Robot, RobotError
 from .timing import Profile
 from .trace import WireEvent
+
+#: An adapter with a timer hands up so many bytes before it runs out. Source: FTDI, packets of 64
+#: bytes with two of status.
+CHUNK_BYTES = 62
 
 
 def assemble(
@@ -25,8 +30,15 @@ def assemble(
 ) -> Bus:
     """The bus of ``robot``, its servos moving the joints of ``plant``.
 
-    ``start_s`` is the clock's reading [s] at the plant's time zero.
+    ``start_s`` is the clock's reading [s] at the plant's time zero. What the plant says of its
+    adapter comes on top of the profile.
     """
+    if held_s := reading_of(plant).latency_timer_s:
+        profile = replace(
+            profile,
+            latency_timer_s=profile.latency_timer_s + held_s,
+            chunk_bytes=profile.chunk_bytes or CHUNK_BYTES,
+        )
     for table in robot.tables.values():
         if not table.drive:
             raise RobotError(

@@ -80,6 +80,26 @@ class ServoState:
     temperature_c: Final[float]
 
 
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How a bus comes by what it reads, where that is not fresh, whole and at the believed instant.
+
+    A plant may have one as its ``reading``. It sees to the first two by itself, in what it gives as
+    a servo's state; adapter and line are the bus's.
+    """
+
+    skew_s: float = 0.0  #: the position shown is of an instant this much later than believed
+    load_refresh_s: float = 0.0  #: the load register is made anew in this period, else held
+    latency_timer_s: float = 0.0  #: more wait before a reply reaches the host
+    lost_share: float = 0.0  #: of the samples are lost or garbage
+
+
+def reading_of(plant: Plant) -> Reading:
+    """How a plant is read; fresh, whole and in time where it says nothing of it."""
+    found = getattr(plant, "reading", None)
+    return found if isinstance(found, Reading) else Reading()
+
+
 class Plant(Protocol):
     """Joint physics behind the bus.
 

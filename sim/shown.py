@@ -1,4 +1,4 @@
-"""The angle a servo shows: what its sensor makes of the shaft, and of which instant."""
+"""What a servo shows: the angle its sensor makes of the shaft, and a load that it seldom renews."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 from .drive import kernel
 from .drive.kernel import Array
 from .tree import PhysicalRobot
+
+ON_TIME = 1e-6  #: share of a period by which a step may seem to end before it
 
 
 class ShownPosition:
@@ -52,3 +54,26 @@ class ShownPosition:
         if self._turned[i]:
             position_rad = kernel.sense(self._params, i, position_rad)
         return position_rad
+
+
+class ShownDuty:
+    """The duty that a load register shows, renewed at the multiples of a period (``load_refresh``).
+
+    All servos are renewed together; before the first time they show none.
+    """
+
+    def __init__(self, period_s: float, servos: int) -> None:
+        self._period_s = period_s
+        self._times = 0
+        self._duty = np.zeros(servos)
+
+    def keep(self, end_s: float, duty: Array) -> None:
+        """Note the duties during a step that ended at ``end_s`` [s since the start]."""
+        times = math.floor(end_s / self._period_s + ON_TIME)
+        if times > self._times:
+            self._times = times
+            self._duty[:] = duty
+
+    def __call__(self, i: int) -> float:
+        """What servo ``i`` shows."""
+        return float(self._duty[i])

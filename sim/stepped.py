@@ -21,7 +21,7 @@ from busemu.plant import DriveCommand, ServoState
 from .drive import kernel
 from .drive.bank import DriveBank, command_column
 from .drive.kernel import Array
-from .shown import ShownPosition
+from .shown import ShownDuty, ShownPosition
 from .tree import PhysicalRobot
 from .watch import WATCH_S, Contacts, Event, Watch
 
@@ -65,8 +65,8 @@ def grid_index(to_s: float, spacing_s: float, *, up: bool) -> int:
 class SteppedPlant:
     """Satisfies :class:`busemu.plant.Plant` over an :class:`Engine`.
 
-    ``ticks`` steps of the engine make one firmware tick. Between a servo's frame and its joint's
-    stands ``joint = direction * servo + zero`` of the robot's file.
+    ``steps_per_tick`` steps of the engine make one firmware tick. Between a servo's frame and its
+    joint's stands ``joint = direction * servo + zero`` of the robot's file.
     """
 
     def __init__(
@@ -104,6 +104,11 @@ class SteppedPlant:
         if ShownPosition.needed(robot, self.bank.params):
             self._shown = ShownPosition(robot, self.bank.params, self._step_s)
             self._shown.keep(0, (self._joint_rad - self._mount[1]) * self._mount[0])
+        self._renewed: ShownDuty | None = None
+        if robot.reading.load_refresh_s > 0.0:
+            self._renewed = ShownDuty(robot.reading.load_refresh_s, count)
+        self.reading = robot.reading
+        self._delays_s = [joint.drive.delay_s for joint in robot.joints]
         self._waiting: deque[tuple[int, int, Array]] = deque()
         self._steps = 0
         self._reached_s = 0.0  # the end of the last step
@@ -132,15 +137,19 @@ class SteppedPlant:
         self._now_s = to_s
 
     def command(self, servo_id: int, command: DriveCommand) -> None:
-        """Set what a drive shall do from the next tick on."""
-        tick = grid_index(self._now_s, TICK_S, up=False) + 1
-        self._waiting.append((tick, self._index[servo_id], command_column(command)))
+        """Set what a drive shall do from the next tick on, later by its transport delay."""
+        i = self._index[servo_id]
+        tick = grid_index(self._now_s + self._delays_s[i], TICK_S, up=False) + 1
+        place = len(self._waiting)
+        while place and self._waiting[place - 1][0] > tick:  # only where delays differ
+            place -= 1
+        self._waiting.insert(place, (tick, i, command_column(command)))
 
     def sample(self, servo_id: int) -> ServoState:
         """The state of one servo at exactly the instant last advanced to.
 
         Angle, velocity and temperature lie between the two ends of the step; torque and current
-        are means over it, duty and voltage hold during it. The angle is the one that is shown.
+        are means over it, duty and voltage hold during it. Angle and duty are those shown.
         """
         i = self._index[servo_id]
         direction, zero, ambient = self._frames[i]
@@ -158,7 +167,7 @@ class SteppedPlant:
         return ServoState(
             position_rad=position,
             velocity_rad_s=velocity,
-            duty=state[kernel.DUTY],
+            duty=state[kernel.DUTY] if self._renewed is None else self._renewed(i),
             torque_nm=state[kernel.TORQUE],
             current_a=state[kernel.CURRENT],
             voltage_v=state[kernel.VOLTAGE],
@@ -205,6 +214,8 @@ class SteppedPlant:
         self._steps += 1
         if self._shown is not None:
             self._shown.keep(self._steps, (self._joint_rad - self._mount[1]) * self._mount[0])
+        if self._renewed is not None:
+            self._renewed.keep(self._steps * self._step_s, self.bank.states[kernel.DUTY])
         self._until_watch -= 1
         if self._until_watch == 0:
             self._until_watch = self._watch_steps

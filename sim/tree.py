@@ -15,9 +15,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from busemu.plant import Reading
+
 from .drive.parameters import DriveParameters
 from .entries import PhysicsError
-from .reading import Reading
 from .shapes import MassProperties, Shape, Vector, together
 
 SEGMENTS = ("coxa", "femur", "tibia")

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from ..plant import Plant, reading_of
 from ..protocol import InstructionPacket
 from ..servo import Servo
 from ..tables import Robot
@@ -34,6 +35,7 @@ class Line(Protocol):
     """What faults ask of the bus; instants are those of its clock [s]."""
 
     servos: tuple[Servo, ...]
+    plant: Plant
     protocol: float
     plant_s: float
     profile: Profile
@@ -74,7 +76,8 @@ class Faults:
 
     ``draw`` makes the random numbers of the fault with a number (seeded; ``random.Random`` will
     do). ``plug`` takes the port away from its client (``False``) and gives it back (``True``); a
-    port for which there is none cannot be unplugged.
+    port for which there is none cannot be unplugged. Where the plant says that a share of its
+    samples is lost, so many replies with positions are, from the beginning.
     """
 
     def __init__(
@@ -96,6 +99,8 @@ class Faults:
         self._unplugs = 0
         by_id = {m.servo_id: s for m, s in zip(robot.servos, line.servos, strict=True)}
         self._plights = Plights(by_id)
+        if share := reading_of(line.plant).lost_share:
+            self.add(Fault(Kind.DROP, register="present_position", probability=share))
 
     # -- asking for faults ---------------------------------------------------------------------
 

@@ -30,6 +30,11 @@ width_rad = { value = 0.011, ci95 = [0.010, 0.012], unit = "rad", source = "walk
 `ci95` and `unit` may be left out; a parameter left out is off. Values beyond the bounds, unknown
 names and places are refused. `busemu diagnose` writes such files.
 
+Over the emulated bus, too, a program meets every one of them. A lost sample is there a reply that
+does not come, and takes those after it in a sync read along; a position of a later instant
+(`read_skew` above 0) is foretold from the speed; no register shows a shutdown of
+`overload_shutdown`.
+
 This page is made by `python -m sim.effects docs/reference/effects.md`.
 """
 
