@@ -19,7 +19,7 @@ from .robot_causes import cause_of, close_rivals
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
 from .robot_improved import of_causes, of_nuisances
-from .robot_judging import Judgement, floor_rad, judge, rmse_rad
+from .robot_judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
 from .robot_model import RobotModel
 from .robot_next import next_experiments
 from .robot_places import mismatch, moved
@@ -109,6 +109,7 @@ class _Work:
         better = believed
         if taken:
             better = judge(model, self.robot, after.nuisances, extra, self.judges)
+        shown = [model.features[r] for r in self.judges]
         verdict = verdict_of(bool(causes), rest.structured)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
@@ -116,8 +117,8 @@ class _Work:
             mismatch=self._mismatch(found, after) if verdict != "consistent" else (),
             causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
             fit=FitSummary(
-                before=rmse_rad(believed),
-                after=rmse_rad(better),
+                before=steady_rmse_rad(shown, believed),
+                after=steady_rmse_rad(shown, better),
                 noise_floor=floor_rad(model, self.judges),
                 held_out=self.held_out,
                 recordings=tuple(model.observed[r].name for r in self.judges),
@@ -128,7 +129,8 @@ class _Work:
             channels=self._channels(found, after),
             rejected=tuple(rejected),
             ranking=_ranking(found),
-            details=self._details(found, after, rest),
+            details=self._details(found, after, rest)
+            | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}},
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 
@@ -203,6 +205,8 @@ class _Work:
         said = [
             "joints are compared by their means over the phase of the gait (over quarters of a "
             "second where there is no gait): what differs from cycle to cycle is not judged",
+            "the fit before and after is that of the samples in which the robot walks (or of all "
+            "after the first second): how it stands up before depends on how it lay",
             "load, voltage and temperature registers are not used for a whole robot: a weak motor, "
             "a low supply and a low gain are hard to tell apart",
         ]

@@ -17,7 +17,7 @@ from sim.model import Addition
 
 from .gait import commanded_lift, held_at
 from .report.traces import Trace
-from .robot_features import RobotKind
+from .robot_features import Features, RobotKind
 from .robot_improved import of_nuisances, of_room, with_all
 from .robot_model import ENGINES_RAD, RobotModel
 from .robot_replay import Course, Track, loaded, play
@@ -73,6 +73,12 @@ def rmse_rad(judged: Sequence[Judgement]) -> float:
     """Root mean square over all samples of all joints of some recordings [rad]."""
     sums = np.array([one.squares for one in judged])
     return float(np.sqrt(sums[:, 0].sum() / sums[:, 1].sum()))
+
+
+def steady_rmse_rad(features: Sequence[Features], judged: Sequence[Judgement]) -> float:
+    """The same of the samples in which robots walk: how one stands up before is another matter."""
+    each = zip(features, judged, strict=True)
+    return float(np.sqrt(np.mean([f.steady_square(one.modelled_rad) for f, one in each])))
 
 
 def judge(

@@ -14,7 +14,7 @@ from .growing import RELIEF
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
 from .robot_improved import of_settings
-from .robot_judging import judge, rmse_rad
+from .robot_judging import judge, rmse_rad, steady_rmse_rad
 from .robot_model import RobotModel
 from .robot_search import WORSE, Progress, RobotFindings, RobotGain, RobotSearch
 
@@ -131,11 +131,8 @@ class RobotJudges:
         """What a fit leaves of the samples of recordings that judge."""
         added = of_settings(self.model.placed, found.settings, "fitted")
         judged = judge(self.model, self.robot, found.nuisances, added, self.judges)
-        steady = [
-            self.model.features[r].steady_square(one.modelled_rad)
-            for r, one in zip(self.judges, judged, strict=True)
-        ]
-        return Squares(float(np.mean(steady)), rmse_rad(judged) ** 2)
+        walking = steady_rmse_rad([self.model.features[r] for r in self.judges], judged)
+        return Squares(walking**2, rmse_rad(judged) ** 2)
 
     def without(self, base: RobotFit, now: RobotFit, name: str) -> RobotFit:
         """The fit without one effect, its replays as exact as those with it."""

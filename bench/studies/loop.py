@@ -21,7 +21,8 @@ import numpy as np
 from bench.blind.legged_sizing import passing
 from bench.blind.scenes import SCENES, play
 from bench.diagnosis.journal import FOLDER, Journal
-from bench.diagnosis.robot_judging import Judgement, rmse_rad
+from bench.diagnosis.robot_features import Features
+from bench.diagnosis.robot_judging import Judgement, rmse_rad, steady_rmse_rad
 from bench.diagnosis.robot_picture import phase_figure
 from bench.diagnosis.robot_replay import course
 from bench.diagnosis.robot_running import run_robot
@@ -125,12 +126,14 @@ def study(seed: int, out: Path, say: Say) -> dict[str, Any]:
         name: compared(base, real.recording, other.recording)
         for name, other in (("floor", again), ("before", before), ("after", after))
     }
+    walk = Features.of(course(real.recording, base), base)
     result = {
         "format": FORMAT,
         "seed": seed,
         "hidden": run.told(),
         "causes": [{"effect": c.effect, "scope": list(c.scope)} for c in answers.diagnosis.causes],
         "rmse_rad": {name: rmse_rad([one]) for name, one in shown.items()},
+        "walking_rmse_rad": {name: steady_rmse_rad([walk], [one]) for name, one in shown.items()},
         "travelled_m": {
             "real": real.travelled_m,
             "real again": again.travelled_m,
@@ -164,12 +167,16 @@ def _recorded(run: Run, plan: WalkPlan, name: str, folder: Path, say: Say) -> Re
 
 def lines(result: dict[str, Any]) -> Sequence[str]:
     """The result in words."""
-    rmse, far = result["rmse_rad"], result["travelled_m"]
+    whole, rmse = result["rmse_rad"], result["walking_rmse_rad"]
+    far = result["travelled_m"]
     names = ", ".join(f"{c['effect']} of {len(c['scope'])}" for c in result["causes"])
     return [
         f"found: {names or 'nothing'}",
-        f"joints over the emulated bus against the robot: {1e3 * rmse['before']:.2f} mrad before, "
-        f"{1e3 * rmse['after']:.2f} after; the robot against itself {1e3 * rmse['floor']:.2f}",
+        f"joints over the emulated bus against the robot, walking: {1e3 * rmse['before']:.2f} mrad "
+        f"before, {1e3 * rmse['after']:.2f} after; the robot against itself "
+        f"{1e3 * rmse['floor']:.2f}",
+        f"standing up as well: {1e3 * whole['before']:.2f} mrad before, {1e3 * whole['after']:.2f} "
+        f"after; the robot against itself {1e3 * whole['floor']:.2f}",
         f"travelled in {result['seconds']:g} s: robot {far['real']:.3f} m, before "
         f"{far['before']:.3f}, after {far['after']:.3f}",
         *loop_gaits.lines(result["gaits"]),

@@ -1,8 +1,13 @@
+from dataclasses import replace
+
 import pytest
 
 from bench.diagnosis.robot_judging import rmse_rad
+from bench.experiments.locomotion_result import TORQUE_LIMIT
+from bench.gaits.candidate import Candidate
 from bench.motions import WalkPlan
 from bench.studies.loop import FITTED, JUDGING, UNSEEN, compared, emulated, hidden, lines
+from bench.studies.loop_gaits import really
 from bench.studies.stance_runs import Cause
 from busemu.tables import load_robot
 
@@ -43,12 +48,30 @@ def test_what_is_hidden_is_in_the_key():
 
 
 def test_the_result_in_words_has_all_numbers():
+    walked = {"speed_m_s": 0.17, "torque_of_stall": 0.77, "allowed": 1, "of": 3}
     result = {
         "causes": [{"effect": "foot_compliance", "scope": ["leg1", "leg2"]}],
-        "rmse_rad": {"before": 0.012, "after": 0.004, "floor": 0.003},
+        "walking_rmse_rad": {"before": 0.012, "after": 0.004, "floor": 0.003},
+        "rmse_rad": {"before": 0.015, "after": 0.0051, "floor": 0.0032},
         "travelled_m": {"real": 0.5, "before": 0.6, "after": 0.51},
         "seconds": 5.0,
+        "gaits": {
+            "before": {"model": {"speed_m_s": 0.189}, "robot": walked},
+            "after": {},
+        },
     }
     told = " ".join(lines(result))
-    for word in ("foot_compliance of 2", "12.00 mrad", "4.00", "3.00", "0.500", "0.600", "0.510"):
+    words = ("foot_compliance of 2", "12.00 mrad", "4.00", "3.00", "0.500", "0.600", "0.510")
+    more = ("15.00 mrad", "5.10", "3.20", "189 mm/s", "170 mm/s", "0.77", "1 of 3", "after: none")
+    for word in (*words, *more):
         assert word in told
+
+
+def test_the_robot_itself_walks_a_gait_that_was_found():
+    original = Candidate.original(load_robot("marvin"))
+    one = really(hidden(1), original, seed=0)
+    assert not one.fell
+    assert 0.02 < one.speed_m_s < 0.06  # the file's own gait: about 36 mm/s
+    assert one.allowed is (one.torque_of_stall < TORQUE_LIMIT)
+    longer = really(hidden(1), replace(original, v_left=2.0, v_right=2.0), seed=0)
+    assert longer.speed_m_s > 1.5 * one.speed_m_s
