@@ -31,6 +31,10 @@ DRAWS = 40  #: of such a difference
 KEPT = 0.2  #: of what seems to be known in a direction, however rough
 FALL = 0.5 * NORMAL**2  #: of the likelihood at its ends [nats, deflated]
 REACH = (1.0, 2.0, 4.0)  #: half widths at which an end is looked for
+#: of an effect's distance from off, by which two sound simulations mean another size by the same
+#: motion (standard deviation); from 114 sizes of opened cases, of which intervals held 0.72 without
+#: it and 0.84 with it
+ENGINES_SHARE = 0.05
 UNSEEN = 1e4  #: variance of a number, in its unit, whose steps change nothing
 SOON = 0.5  #: of the fall, at which the formula's end holds
 
@@ -213,6 +217,10 @@ def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]
         if knob.effect != effect:
             continue
         k = count + i
+        if knob.logarithmic:
+            variances[k] += ENGINES_SHARE**2
+        elif not knob.parameter.shape:
+            variances[k] += (ENGINES_SHARE * float(found.z[k])) ** 2
         ends = interval(model, found, spread, variances, k)
         said = state(found.z, k, float(np.sqrt(variances[k])), knob, spread.believed, names)
         made[knob.parameter.name] = estimate(knob, float(found.z[k]), ends, said)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
+from bench.diagnosis import intervals
 from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
 from bench.diagnosis.intervals import REACH, Spread, _inverse, estimates, interval
@@ -73,6 +74,13 @@ def test_intervals_hold_the_truth(cable):
         low, high = told[name].ci95
         assert low <= value <= high
     assert told["stiffness_nm_rad"].ci95[0] > 0.0  # it says that there is one
+
+
+def test_a_size_is_never_surer_than_two_engines_are_of_it(monkeypatch):
+    model, found = fitted("gain_error", {"scale": 1.3}, [3.0])
+    monkeypatch.setattr(intervals, "ENGINES_SHARE", 0.3)
+    low, high = estimates(model, found, "gain_error")["scale"].ci95
+    assert 0.5 * (high - low) == pytest.approx(NORMAL * 0.3 * 0.3, rel=0.1)
 
 
 def test_few_recordings_leave_a_number_less_sure_than_many(cable):
