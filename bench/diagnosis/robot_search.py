@@ -231,15 +231,31 @@ class RobotSearch:
                 continue
             self._say(f"replaying {gain.name} exactly")
             exact = self._exactly(gain, now)
-            outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
-            gains[k] = replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
-            if self._holds(gains[k], now) and self._whole_square(exact) <= WORSE * begun:
+            gains[k] = self._with(gain, now, exact, plain)
+            if self._stands(gains[k], now, begun):
                 held.append(gains[k])
-        gains.sort(key=lambda gain: -gain.deflated)
         chosen = max(held, key=lambda gain: gain.deflated, default=None)
+        if chosen is not None:
+            self._say(f"replaying much of {chosen.name}")
+            far = self._with(chosen, now, self._from_far(chosen.fit), plain)
+            if far.nats > chosen.nats + ENOUGH and self._stands(far, now, begun):
+                gains[next(k for k, gain in enumerate(gains) if gain is chosen)] = far
+                chosen = far
+        gains.sort(key=lambda gain: -gain.deflated)
         fit = now if chosen is None else chosen.fit
         self.model.recentre(fit.settings, fit.nuisances, self.which)
         return chosen
+
+    def _with(
+        self, gain: RobotGain, now: RobotFit, exact: RobotFit, plain: float | None
+    ) -> RobotGain:
+        """A gain by exact replays; ``plain`` is what left-out recordings make of ``now``."""
+        outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
+        return replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
+
+    def _stands(self, gain: RobotGain, now: RobotFit, begun: float) -> bool:
+        """Whether a gain holds, and no whole recording is much worse than ``begun`` [rad^2]."""
+        return self._holds(gain, now) and self._whole_square(gain.fit) <= WORSE * begun
 
     def _exactly(self, gain: RobotGain, now: RobotFit) -> RobotFit:
         """An effect's exact fit: from where curves led, or, if that disappoints, from a large try.
@@ -251,12 +267,22 @@ class RobotSearch:
         best = self.settle(gain.fit, replace(gain.fit, z=off, noise=now.noise, cost=now.cost))
         if best.cost < gain.fit.cost + (1.0 - KEPT) * gain.nats:
             return best
-        _, *large = self.model.curves.tries(gain.name)
+        return self._from_far(best)
+
+    def _from_far(self, found: RobotFit) -> RobotFit:
+        """An exact fit, or that from a large try of its last effect, if that is deeper.
+
+        A spring has two valleys: a little of it, which tolerances of a stiff robot help, and much.
+        """
+        best = found
+        _, *large = self.model.curves.tries(found.names[-1])
         for z in large:
-            there = replace(gain.fit, z=np.append(gain.fit.z[:-1], z))
+            if found.z[-1] > 0.5 * z:
+                continue
+            there = replace(found, z=np.append(found.z[:-1], z))
             self.model.recentre(there.settings, there.nuisances, self.which)
-            found = self.settle(self._fit(there.names, there.z, there.noise))
-            best = min(best, found, key=lambda fit: fit.cost)
+            settled = self.settle(self._fit(there.names, there.z, there.noise))
+            best = min(best, settled, key=lambda fit: fit.cost)
         return best
 
     def _whole_square(self, found: RobotFit) -> float:

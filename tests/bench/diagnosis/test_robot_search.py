@@ -146,7 +146,7 @@ def test_what_promises_enough_or_stands_for_a_tolerance_is_replayed():
     some = gains(1.1 * NEEDED, 0.9 * NEEDED, 0.5 * NEEDED)
     search = Exact({})
     holding(search, some, {some[-1].name})
-    assert search.replayed == ["effect0@all", "effect2@all"]
+    assert search.replayed == ["effect0@all", "effect2@all", "much"]
 
 
 def test_what_is_promised_is_not_divided_before_it_is_replayed():
@@ -164,10 +164,20 @@ def test_where_curves_promised_too_much_a_fit_begins_at_the_large_try(found_ther
     assert taken.fit.z.tolist() == ([8.0] if found_there > 30.0 else [0.0])
 
 
-def test_where_curves_keep_what_they_promise_no_large_try_is_replayed():
-    search = Exact({}, [8.0], 500.0, borne_out=1.1 * KEPT)
-    assert holding(search, gains(30.0)).nats == pytest.approx(1.1 * KEPT * 30.0)
-    assert search.at == [0.0]
+@pytest.mark.parametrize("found_there", [5.0, 500.0])
+def test_what_is_taken_is_looked_for_from_far_too(found_there):
+    search = Exact({}, [8.0], found_there, borne_out=1.1 * KEPT)
+    some = gains(30.0, 20.0)
+    taken = holding(search, some)
+    assert taken.nats == pytest.approx(max(1.1 * KEPT * 30.0, found_there))
+    assert taken in some
+    assert search.replayed.count("much") == 1
+
+
+def test_what_was_found_far_away_is_not_looked_for_there_again():
+    search = Exact({}, [8.0], 500.0)
+    far = RobotFit(("a",), np.array([7.0]), {}, -30.0)
+    assert search._from_far(far) is far
 
 
 class Leading(RobotSearch):
