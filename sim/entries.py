@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from busemu.tables import RobotError
+from busemu.tables.spelling import near
 
 
 class PhysicsError(RobotError):
@@ -30,7 +31,8 @@ class Section:
 
     def fail(self, problem: str) -> PhysicsError:
         """The error to raise for this section."""
-        return PhysicsError(f"{self.path}: [{self.name}] {problem}")
+        where = f" [{self.name}]" if self.name else ""
+        return PhysicsError(f"{self.path}:{where} {problem}")
 
     def section(self, key: str) -> Section:
         """The table under ``key``; :class:`PhysicsError` when it is missing."""
@@ -112,7 +114,8 @@ class Section:
         """Refuse entries under any other key: a misspelt key must not be ignored."""
         unknown = sorted(set(self.table) - set(keys))
         if unknown:
-            raise self.fail(f"unknown key {', '.join(unknown)}; known are {', '.join(keys)}")
+            meant = near(unknown[0], keys)
+            raise self.fail(f"unknown key {', '.join(unknown)}{meant}; known are {', '.join(keys)}")
 
     def _value(self, key: str) -> Any:
         entry = self.table.get(key)

@@ -46,16 +46,27 @@ class Hexapod:
 
 def read_hexapod(top: Section, trunk_load_kg: float) -> Hexapod:
     """The bodies of a hexapod; :class:`sim.entries.PhysicsError` for what cannot be true."""
+    if "payload" in top:
+        raise top.section("payload").fail(
+            "is a rig's: a hexapod carries an effect named payload, or that of a --world"
+        )
     contact, foot = _contact(top.section("contact"))
+    top.section("link").only(*SEGMENTS)
     links = {name: _link(top.section("link").section(name), name) for name in SEGMENTS}
     lengths = MappingProxyType({name: link.length_m for name, link in links.items()})
-    legs = tuple(_leg(row, lengths, foot) for row in top.sections("leg"))
+    legs: list[Leg] = []
+    for row in top.sections("leg"):
+        leg = _leg(row, lengths, foot)
+        if leg.name in [known.name for known in legs]:
+            raise row.fail(f"leg {leg.name} is there twice")
+        legs.append(leg)
     rest = top.section("rest")
+    rest.only(*(f"{segment}_rad" for segment in SEGMENTS))
     neutral = top.section("gait").section("neutral")
     return Hexapod(
         trunk=_trunk(top.section("trunk"), trunk_load_kg),
         bodies=tuple(body for leg in legs for body in _limb(leg, links)),
-        legs=legs,
+        legs=tuple(legs),
         contact=contact,
         limits_rad={
             f"{leg.name}.{name}": (link.lower_rad, link.upper_rad)
@@ -88,6 +99,7 @@ def _limb(leg: Leg, links: Mapping[str, Link]) -> tuple[Body, ...]:
 
 
 def _trunk(section: Section, load_kg: float) -> Trunk:
+    section.only("outline", "mass_kg", "battery_kg", "shape")
     mass = section.number("mass_kg", "kg", 0.001, 50.0)
     mass += section.number("battery_kg", "kg", 0.0, 20.0, default=0.0)
     shapes = read_shapes(section)
@@ -103,6 +115,7 @@ def _contact(section: Section) -> tuple[Contact, Foot]:
 
 
 def _leg(section: Section, lengths_m: Mapping[str, float], foot: Foot) -> Leg:
+    section.only("name", "x_m", "y_m", "yaw_rad")
     return Leg(
         section.word("name"),
         section.plain("x_m", "m", -2.0, 2.0),
@@ -114,6 +127,7 @@ def _leg(section: Section, lengths_m: Mapping[str, float], foot: Foot) -> Leg:
 
 
 def _link(section: Section, name: str) -> Link:
+    section.only("length_m", "twist_rad", "mass_kg", "lower_rad", "upper_rad", "shape")
     twist = section.number("twist_rad", "rad", -math.pi, math.pi, default=0.0)
     wanted = math.pi / 2.0 if name == "coxa" else 0.0
     if abs(twist - wanted) > 1e-3:

@@ -20,6 +20,11 @@ from .tree import SEGMENTS, Contact, Joint, PhysicalRobot, Supply
 
 __all__ = ["SEGMENTS", "Joint", "PhysicalRobot", "read_physics"]
 
+#: what a robot file may hold; "gait" is the walking program's, "bus" and "servo" are the wiring
+SECTIONS = (
+    "format", "name", "title", "bus", "servo", "supply", "drive", "rest", "effect", "body",
+    "payload", "trunk", "leg", "link", "contact", "gait",
+)  # fmt: skip
 AIR = Contact(friction=1.0, restitution=0.0)  #: of a rig, which touches nothing but itself; assumed
 
 
@@ -32,7 +37,9 @@ def read_physics(robot: Robot, *, trunk_load_kg: float = 0.0) -> PhysicalRobot:
     if not 0.0 <= trunk_load_kg <= 20.0:
         raise PhysicsError(f"trunk_load_kg = {trunk_load_kg} kg is not within 0 to 20 kg")
     top = Section(robot.path, "", robot.document)
+    top.only(*SECTIONS)
     supply = top.section("supply")
+    supply.only("voltage_v", "resistance_ohm")
     fed = Supply(
         supply.number("voltage_v", "V", 1.0, 50.0),
         supply.number("resistance_ohm", "ohm", 0.0, 5.0),

@@ -14,10 +14,13 @@ freedom away, which cannot raise it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from .drive import kernel
 from .drive.kernel import Array
+from .drive.parameters import DriveParameters, pack
 from .entries import PhysicsError
 
 LARGEST = 1.6  #: four fifths of the limit, for what the checked postures miss
@@ -35,10 +38,60 @@ def stiffness_number(params: Array, inverse_mass: Array, step_s: float) -> float
     return float(np.linalg.eigvalsh(0.5 * (symmetric + symmetric.T))[-1])
 
 
-def too_stiff(number: float, step_s: float, where: str) -> PhysicsError:
-    """The error for a stiffness number beyond :data:`LARGEST`."""
+def too_stiff(number: float, step_s: float, where: str, gear: str = "") -> PhysicsError:
+    """The error for a stiffness number beyond :data:`LARGEST`; ``gear``: which."""
     return PhysicsError(
-        f"{where}: gear_stiffness_nm_rad and gear_damping_nm_s_rad are too high for these "
+        f"{where}: {gear or 'gear_stiffness_nm_rad and gear_damping_nm_s_rad'} too high for these "
         f"links at a step of {step_s * 1e3:g} ms: k h^2/I + c h/I is {number:.3g}, at most "
-        f"{LARGEST:g} is allowed; soften the gear or shorten the step"
+        f"{LARGEST:g} is allowed; soften the gear"
     )
+
+
+def bearable(
+    drives: Mapping[str, DriveParameters],
+    inverse_masses: Sequence[Array],
+    tick_s: float,
+    choices: Sequence[int],
+    where: str,
+) -> tuple[int, float]:
+    """Steps per tick [s] that the gears of some joints bear in every posture, and their number.
+
+    The first of the ``choices`` that will do. Raises :class:`PhysicsError` where none does.
+    """
+    params = pack(list(drives.values()))
+    for steps in choices:
+        step_s = tick_s / steps
+        numbers = [stiffness_number(params, inverse, step_s) for inverse in inverse_masses]
+        number = max(numbers)
+        if number <= LARGEST:
+            return steps, number
+    worst = inverse_masses[numbers.index(number)]
+    gear = _stiffest(params, worst, step_s, number, tuple(drives))
+    raise too_stiff(number, step_s, where, gear)
+
+
+def _stiffest(
+    params: Array, inverse_mass: Array, step_s: float, number: float, names: Sequence[str]
+) -> str:
+    """The gear that most makes a stiffness number what it is: its values and what they may be."""
+    stiffness, damping = params[kernel.GEAR_STIFFNESS], params[kernel.GEAR_DAMPING]
+    own = (stiffness * step_s**2 + damping * step_s) * np.diag(inverse_mass)
+    i = int(np.argmax(own))
+    if not np.isfinite(stiffness[i]):
+        soft = params.copy()
+        soft[kernel.GEAR_STIFFNESS], soft[kernel.GEAR_DAMPING] = 1.0, 0.0
+        most = LARGEST / stiffness_number(soft, inverse_mass, step_s)
+        return (
+            f"{names[i]}: no gear_stiffness_nm_rad is given, and a rigid gear (inf N m/rad, at "
+            f"most {most:.3g}) is"
+        )
+    spring, damper = stiffness[i] * step_s**2, damping[i] * step_s
+    allowed = LARGEST / number * (spring + damper)
+    has_k = f"{names[i]}: gear_stiffness_nm_rad = {stiffness[i]:g} N m/rad"
+    has_c = f"gear_damping_nm_s_rad = {damping[i]:g} N m s/rad"
+    if allowed > damper:
+        return f"{has_k} (at most {(allowed - damper) / step_s**2:.3g} beside {has_c}) is"
+    if allowed > spring:
+        most = (allowed - spring) / step_s
+        return f"{names[i]}: {has_c} (at most {most:.3g} beside {has_k.partition(': ')[2]}) is"
+    return f"{has_k} and {has_c} (each alone) are"

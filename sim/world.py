@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 
 from .drive.kernel import Array
-from .drive.parameters import pack
+from .entries import PhysicsError
 from .model import additions, read_model
 from .observer import Camera, Frame, forces_seen, lean_rad, pose_seen
 from .quiet import quiet_stderr
 from .scene import Push, Scene, Slab, read_scene
-from .stability import LARGEST, stiffness_number, too_stiff
+from .stability import bearable
 from .stepped import TICK_S, SteppedPlant
 from .tree import Ground, PhysicalRobot
 from .urdf import urdf
@@ -380,14 +380,16 @@ class BulletPlant(SteppedPlant):
         masses = []
         for posture in (stretched, neutral, rest):
             world.place(position, orientation, posture)
-            masses.append(world.inverse_mass())
-        params = pack([joint.drive for joint in robot.joints])
-        for steps in choices:
-            step_s = TICK_S / steps
-            self.stiffness_number = max(stiffness_number(params, m, step_s) for m in masses)
-            if self.stiffness_number <= LARGEST:
-                return steps
-        raise too_stiff(self.stiffness_number, step_s, where)
+            try:
+                masses.append(world.inverse_mass())
+            except np.linalg.LinAlgError:
+                raise PhysicsError(
+                    f"{where}: what a joint moves has no inertia about its axis (0 kg m^2): give "
+                    "its [[body]] inertia_kg_m2, a com_m beside the axis, or a payload"
+                ) from None
+        drives = {joint.name: joint.drive for joint in robot.joints}
+        steps, self.stiffness_number = bearable(drives, masses, TICK_S, choices, where)
+        return steps
 
 
 def plant(robot: Robot, world: Path | None = None) -> BulletPlant:

@@ -8,6 +8,8 @@ from busemu.tables import Robot, RobotError
 
 from ..legs import PARTS, quantity
 
+KEYS = ("neutral", "period_s", "stride_m", "lift_m", "duty_factor", "cycle_s")
+
 
 @dataclass(frozen=True, slots=True)
 class Gait:
@@ -37,6 +39,11 @@ class Gait:
     def of(cls, robot: Robot) -> Gait:
         """Take the gait from a robot file. Raises :class:`RobotError` naming what is missing."""
         section = robot.document.get("gait", {})
+        if unknown := sorted(set(section) - set(KEYS)):
+            raise RobotError(
+                f"{robot.path}: [gait] unknown key {', '.join(unknown)}; known are "
+                f"{', '.join(KEYS)}"
+            )
         coxa, femur, tibia = (quantity(robot.document, "gait", "neutral", part) for part in PARTS)
         try:
             return cls(

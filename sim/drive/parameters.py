@@ -231,6 +231,15 @@ _FRICTION = {  # key: unit, lowest, highest
 }
 
 
+_KEYS = (
+    "rated_voltage_v", "stall_torque_nm", "stall_current_a", "no_load_velocity_rad_s",
+    "no_load_current_a", "gear_ratio", "motor_inertia_kg_m2", "resistance_ohm",
+    "torque_constant_nm_a", "back_emf_v_s_rad", "gear_stiffness_nm_rad", "gear_damping_nm_s_rad",
+    "backlash_rad", "sensor_step_rad", "velocity_full_scale_rad_s", "velocity_gain_s_rad",
+    "ambient_c", "heat_resistance_k_w", "heat_time_constant_s", "resistance_rise_per_k",
+)  # fmt: skip
+
+
 def read_drive(section: Section) -> DriveParameters:
     """The drive of one servo model from its section of a robot file.
 
@@ -240,6 +249,7 @@ def read_drive(section: Section) -> DriveParameters:
     Raises :class:`sim.entries.PhysicsError` for what is missing, out of bounds or contradicts the
     data sheet.
     """
+    section.only(*_KEYS, *_FRICTION)
     sheet = DataSheet(
         voltage_v=section.number("rated_voltage_v", "V", 1.0, 50.0),
         stall_torque_nm=section.number("stall_torque_nm", "N m", 0.01, 100.0),

@@ -164,3 +164,10 @@ def test_a_gait_that_cannot_be_is_refused():
     document = {**robot.document, "gait": {"neutral": robot.document["gait"]["neutral"]}}
     with pytest.raises(RobotError, match=r"gait\.period_s"):
         Gait.of(parse_robot(document, robot.path))
+
+
+def test_a_misspelt_key_of_a_gait_is_refused_and_not_ignored():
+    robot = load_robot("marvin")
+    document = {**robot.document, "gait": {**robot.document["gait"], "lift": 0.1}}
+    with pytest.raises(RobotError, match=r"marvin\.toml: \[gait\] unknown key lift; known are"):
+        Gait.of(parse_robot(document, robot.path))

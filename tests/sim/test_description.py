@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import re
 import xml.etree.ElementTree as ET
 from typing import Any
 
@@ -112,6 +114,20 @@ INSANE = {
     "no shapes": (("link", "tibia", "shape"), [], "[[link.tibia.shape]]"),
     "unknown shape": (("link", "tibia", "shape", 0, "kind"), "mesh", "box, cylinder, sphere"),
     "misspelt key": (("contact", "frction"), value(1.0), "frction"),
+    "misspelt friction": (
+        ("drive", "XL-320", "coulom_nm"),
+        value(0.02),
+        "[drive.XL-320] unknown key coulom_nm (did you mean coulomb_nm?)",
+    ),
+    "misspelt supply": (("supply", "voltag_v"), value(7.4), "[supply] unknown key voltag_v"),
+    "misspelt trunk": (("trunk", "mas_kg"), value(0.3), "[trunk] unknown key mas_kg"),
+    "misspelt link": (("link", "tibia", "mas_kg"), value(0.3), "[link.tibia] unknown key mas_kg"),
+    "a fourth link": (("link", "tarsus"), {}, "[link] unknown key tarsus"),
+    "misspelt leg": (("leg", 0, "yaw"), 2.0, "[leg][0] unknown key yaw"),
+    "misspelt rest": (("rest", "coxa"), value(0.1), "[rest] unknown key coxa"),
+    "misspelt section": (("contacts",), {}, "unknown key contacts (did you mean contact?)"),
+    "a rig's payload": (("payload",), {}, "[payload] is a rig's"),
+    "a leg twice": (("leg", 1, "name"), "leg1", "[leg][1] leg leg1 is there twice"),
     "no drive": (("drive", "XL-320"), None, "[drive.XL-320]"),
     "stall below no load": (("drive", "XL-320", "stall_current_a"), value(0.1), "0.1 A"),
     "friction beyond no-load current": (("drive", "XL-320", "coulomb_nm"), value(0.2), "coulomb"),
@@ -143,9 +159,24 @@ def test_a_gear_too_stiff_for_the_step_is_refused() -> None:
     stiff = changed(
         load_robot("marvin"), "drive", "XL-320", "gear_stiffness_nm_rad", to=value(60.0)
     )
-    with pytest.raises(RobotError, match="gear_stiffness_nm_rad"):
+    says = r"tibia: gear_stiffness_nm_rad = 60 N m/rad \(at most ([0-9.]+) beside"
+    with pytest.raises(RobotError, match=says) as refused:
         BulletPlant(stiff)
     BulletPlant(stiff, steps_per_tick=4).close()
+    found = re.search(says, str(refused.value))
+    assert found is not None
+    most = 0.999 * float(found[1])
+    soft = changed(stiff, "drive", "XL-320", "gear_stiffness_nm_rad", to=value(most))
+    with contextlib.closing(BulletPlant(soft)) as plant:
+        assert plant.stiffness_number > 0.98 * LARGEST
+
+
+def test_a_gear_damped_too_much_for_the_step_is_refused_with_what_it_bears() -> None:
+    damped = changed(
+        load_robot("marvin"), "drive", "XL-320", "gear_damping_nm_s_rad", to=value(5.0)
+    )
+    with pytest.raises(RobotError, match=r"gear_damping_nm_s_rad = 5 N m s/rad \(at most 0\.00"):
+        BulletPlant(damped)
 
 
 def test_the_robots_as_shipped_keep_the_stability_margin(robot: Robot) -> None:

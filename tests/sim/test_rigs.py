@@ -196,6 +196,20 @@ def test_insane_rigs_are_refused_with_one_line(case: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_what_has_no_inertia_about_its_axis_is_refused_with_what_to_give() -> None:
+    point = changed(load_robot("pendulum"), "payload", to=None)
+    point = changed(point, "body", 0, "com_m", to=value([0.0, 0.0, 0.0]))
+    point = changed(point, "body", 0, "inertia_kg_m2", to=value([0.0, 0.0, 0.0]))
+    with pytest.raises(RobotError, match=r"pendulum\.toml: .* no inertia .* give its \[\[body\]\]"):
+        BulletPlant(point)
+
+
+def test_a_rigid_gear_is_refused_with_how_stiff_it_may_be() -> None:
+    rigid = changed(load_robot("pendulum"), "drive", "AX-12A", "gear_stiffness_nm_rad", to=None)
+    with pytest.raises(RobotError, match=r"arm: no gear_stiffness_nm_rad is given, .* at most"):
+        BulletPlant(rigid)
+
+
 def test_a_body_without_mass_is_refused_where_it_would_move(make: Make) -> None:
     empty: Robot = changed(load_robot("pendulum"), "body", 0, "mass_kg", to=value(0.0))
     with pytest.raises(RobotError, match=r"arm has no mass: give it mass_kg"):
