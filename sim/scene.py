@@ -11,9 +11,9 @@ A scene comes from a TOML file::
     pitch_rad = 0.1          # a slope: rises towards +y (forward)
     roll_rad = 0.0           # falls towards +x (right)
 
-    [payload]                # on a hexapod's trunk, trunk frame
+    [payload]                # in place of what the robot carries
     mass_kg = 0.2
-    at_m = [0.0, 0.0, 0.03]
+    at_m = [0.0, 0.0, 0.03]  # on a hexapod's trunk, trunk frame; on a rig from its payload's place
 
     [[slab]]                 # a step, a mat, a slippery patch: a box on the ground
     at_m = [0.0, 0.5]        # its middle
@@ -98,18 +98,18 @@ class Scene:
         An effect of the robot's own model adds its tilt and its softness. Raises
         :class:`PhysicsError` where the robot has no such thing as the scene asks for.
         """
-        if robot.trunk is None and (self.slabs or self.payload is not None):
-            raise PhysicsError(
-                f"{robot.name} stands on a fixed base: a world for it has no [[slab]] and no "
-                "[payload]; a weight is told by a recording's condition"
-            )
+        if robot.trunk is None and self.slabs:
+            raise PhysicsError(f"{robot.name} has a fixed base: a world for it has no [[slab]]")
         known = {"trunk"} if robot.trunk is not None else set()
         known |= {body.name for body in robot.bodies}
         for push in self.pushes:
             if push.body not in known:
-                raise PhysicsError(f"[[push]] body {push.body!r}: {robot.name} has no such body")
+                raise PhysicsError(
+                    f"[[push]] body {push.body!r}: {robot.name} has no such body, but "
+                    f"{', '.join(sorted(known))}"
+                )
         if self.payload is not None:
-            robot = replace(robot, payload=self.payload)
+            robot = replace(robot, payload=_carried(self.payload, robot))
         if self.ground == Ground():
             return robot
         return replace(robot, ground=_on(self.ground, robot.ground))
@@ -133,6 +133,20 @@ def read_scene(path: Path) -> Scene:
         pushes=tuple(_push(row) for row in top.sections("push")) if "push" in top else (),
         payload=_payload(top.section("payload")) if "payload" in top else None,
     )
+
+
+def _carried(payload: Payload, robot: PhysicalRobot) -> Payload:
+    """A payload on a hexapod's trunk, or where a rig carries its own."""
+    if robot.trunk is not None:
+        return payload
+    own = robot.payload
+    if own is None:
+        raise PhysicsError(
+            f"[payload] mass_kg = {payload.mass_kg:g} kg: {robot.name} has no [payload] in its "
+            "file that says where a weight is fixed"
+        )
+    x, y, z = (a + b for a, b in zip(own.at_m, payload.at_m, strict=True))
+    return Payload(own.body, (x, y, z), payload.mass_kg)
 
 
 def _on(scene: Ground, model: Ground) -> Ground:

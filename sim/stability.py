@@ -43,7 +43,7 @@ def too_stiff(number: float, step_s: float, where: str, gear: str = "") -> Physi
     return PhysicsError(
         f"{where}: {gear or 'gear_stiffness_nm_rad and gear_damping_nm_s_rad'} too high for these "
         f"links at a step of {step_s * 1e3:g} ms: k h^2/I + c h/I is {number:.3g}, at most "
-        f"{LARGEST:g} is allowed; soften the gear"
+        f"{LARGEST:g} is allowed; soften the gear, or hang more on the joint"
     )
 
 

@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pybullet
 import pytest
-from sim_rigs import hold, stand
+from sim_rigs import changed, hold, stand
 
 from busemu.assemble import plants
 from busemu.tables import RobotError, load_robot
+from sim.model import read_model
+from sim.one_joint import one_joint_load
 from sim.robot import read_physics
 from sim.scene import Push, Scene, Slab, read_scene
 from sim.tree import GRAVITY_M_S2, Ground, Payload
@@ -196,3 +198,27 @@ def test_a_rig_has_no_slabs(make: Make) -> None:
     slab = Slab((0.0, 0.0), (1.0, 1.0), 0.05, 0.0, Ground())
     with pytest.raises(RobotError, match="fixed base"):
         make(load_robot("pendulum"), scene=Scene(slabs=(slab,)))
+
+
+def test_a_rig_carries_the_payload_of_its_world_where_its_own_would_be(make: Make) -> None:
+    robot = load_robot("mx64-bench")
+    with pytest.raises(RobotError, match="or hang more on the joint"):
+        make(robot)
+    plant = make(robot, scene=Scene(payload=Payload(None, (0.0, 0.0, -0.01), 0.3)))
+    own = read_model(robot).payload
+    assert own is not None
+    assert one_joint_load(plant.robot).gravity_nm == pytest.approx(
+        0.3 * GRAVITY_M_S2 * (0.01 - own.at_m[2])
+    )
+
+
+def test_a_payload_on_a_rig_that_has_no_place_for_one_is_refused(make: Make) -> None:
+    robot = changed(load_robot("pendulum"), "payload", to=None)
+    with pytest.raises(RobotError, match=r"mass_kg = 0\.3 kg: pendulum has no \[payload\]"):
+        make(robot, scene=Scene(payload=Payload(None, (0.0, 0.0, 0.0), 0.3)))
+
+
+def test_a_push_on_a_body_that_is_not_there_says_which_there_are(make: Make) -> None:
+    push = Push(1.0, 0.1, (1.0, 0.0, 0.0), "trunk", (0.0, 0.0, 0.0))
+    with pytest.raises(RobotError, match=r"body 'trunk': pendulum has no such body, but arm"):
+        make(load_robot("pendulum"), scene=Scene(pushes=(push,)))
