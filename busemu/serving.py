@@ -34,6 +34,8 @@ from .wording import amount
 
 #: How often an observer looks [s]: fast enough for pictures of a gait.
 OBSERVE_EVERY_S = 0.02
+#: So many things that were noticed are told at once at most.
+MOST_NOTICED = 8
 #: What a value of an option says that one bus shall do without.
 NONE = "-"
 
@@ -105,6 +107,7 @@ class Served:
         self._state: State | None = None
         self._observation: Observation | None = None
         self._plant: Plant | None = None
+        self._noticed = 0
         self.port = _open(wanted, self.robot)
         try:
             if wanted.trace:
@@ -206,6 +209,18 @@ class Served:
             return f"busemu timing --robot {self.wanted.robot} --port {where}"
         return f"busemu walk --robot {self.wanted.robot} --port {where}"
 
+    def noticed(self) -> list[str]:
+        """Falls, self-contacts and links on the ground that have not been told of yet.
+
+        Times are those since the plant was made, as a world's pushes are.
+        """
+        events = getattr(self._plant, "events", ())[self._noticed :]
+        self._noticed += len(events)
+        lines = [f"{self.robot.name}: noticed at {event}" for event in events[:MOST_NOTICED]]
+        if len(events) > MOST_NOTICED:
+            lines.append(f"and {len(events) - MOST_NOTICED} more events of the kind")
+        return lines
+
     def close(self) -> None:
         """Give everything up; what is to be kept is on the disk afterwards."""
         if self._control is not None:
@@ -258,7 +273,10 @@ def opened(wanted: Sequence[Wanted]) -> Iterator[list[Served]]:
 
 @dataclass(slots=True)
 class Teller:
-    """Says on one line what the buses are doing; on a terminal the line renews itself."""
+    """Says on one line what the buses are doing; on a terminal the line renews itself.
+
+    What was noticed of their robots stands above it, and stays.
+    """
 
     served: Sequence[Served]
     _before: int = 0
@@ -280,4 +298,5 @@ class Teller:
             f"physics behind by {state.physics_late_s * 1e3:.1f} ms at most"
         )
         start, end = ("\r\x1b[K", "") if sys.stdout.isatty() else ("", "\n")
-        os.write(sys.stdout.fileno(), f"{start}{line}{end}".encode())
+        noticed = "".join(f"{said}\n" for served in self.served for said in served.noticed())
+        os.write(sys.stdout.fileno(), f"{start}{noticed}{line}{end}".encode())

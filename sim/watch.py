@@ -2,7 +2,8 @@
 
 A fall is named when the servos are on and the trunk touches the ground after it had stood clear of
 it for :data:`STOOD_S`, or leans by more than :data:`LEANING_RAD`; it is over when the robot has
-stood for that long again. A robot whose torque is off lies down; that is no fall.
+stood for that long again. A robot whose torque is off lies down; that is no fall, and its links on
+the ground are nothing to tell.
 """
 
 from __future__ import annotations
@@ -72,8 +73,9 @@ class Watch:
             self._touched_s = {}
         else:
             for bodies in sorted(touching):
-                if t_s - self._touched_s.get(bodies, -math.inf) > APART_S:
-                    what = What.SELF_CONTACT if len(bodies) == 2 else What.GROUND_CONTACT
+                what = What.SELF_CONTACT if len(bodies) == 2 else What.GROUND_CONTACT
+                apart = t_s - self._touched_s.get(bodies, -math.inf) > APART_S
+                if apart and (powered or what is What.SELF_CONTACT):
                     self.events.append(Event(t_s, what, bodies))
         self._touched_s |= dict.fromkeys(touching, t_s)
         self._notice_fall(t_s, "trunk" in ground, lean_rad, powered)

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 from virtual_bus import AX, XL, Bench
 
 from busemu.cli import app
-from busemu.serving import Served, ServingError, Wanted, each, opened
+from busemu.serve import ServerState
+from busemu.serving import Served, ServingError, Teller, Wanted, each, opened
 from busemu.timing import load_profile
 
 BOTH = pytest.mark.parametrize("model", [AX, XL])
@@ -130,3 +131,28 @@ def test_servos_that_hang_on_nothing_are_served_without_an_engine() -> None:
     assert Wanted("marvin").plant is None
     with opened([Wanted("marvin", timing="instant")]) as (marvin,):
         assert marvin.plant == "bullet"
+
+
+def test_what_is_noticed_of_a_served_robot_is_told_once(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    world = tmp_path / "pushed.toml"
+    world.write_text(
+        'format = "busemu-world/1"\n[[push]]\nat_s = 0.1\nfor_s = 0.5\n'
+        "force_n = [40.0, 0.0, 20.0]\nat_m = [0.0, 0.0, 0.05]\n",
+        "utf-8",
+    )
+    with opened([Wanted("marvin", world=world)]) as buses:
+        (served,) = buses
+        station = served.assemble()
+        tell = Teller(buses)
+        tell(ServerState())
+        assert "noticed" not in capfd.readouterr().out
+        for servo in served.bus.servos:
+            servo.write(24, b"\x01")  # torque on
+        station.bus.advance_plant(station.bus.plant_s + 1.0)
+        tell(ServerState())
+        said = capfd.readouterr().out
+        assert re.search(r"^marvin: noticed at 0\.\d\d s: fall: trunk, leans by", said, re.M)
+        tell(ServerState())
+        assert "noticed" not in capfd.readouterr().out

@@ -81,6 +81,13 @@ def test_feet_on_the_ground_are_no_event_and_other_links_are() -> None:
     assert str(event) == "0.22 s: ground contact: leg2.femur"
 
 
+def test_links_on_the_ground_of_a_robot_without_torque_are_no_event() -> None:
+    belly = Contacts({"trunk": 5.0, "leg2.femur": 0.5})
+    assert watched((Contacts(), 0.0, 0.2, False), (belly, 0.0, 0.2, False)) == []
+    still = (belly, 0.0, 0.2, True)  # nor when its torque comes on
+    assert watched((Contacts(), 0.0, 0.2, False), (belly, 0.0, 0.2, False), still) == []
+
+
 def test_a_robot_that_is_pushed_over_has_fallen(robot: Robot, make: Make) -> None:
     weight_n = 9.81 * (0.756 if robot.name == "marvin" else 2.418)
     push = Push(4.0, 0.3, (3.0 * weight_n, 0.0, weight_n), "trunk", (0.0, 0.0, 0.05))
