@@ -126,7 +126,7 @@ def experiment(
     except KeyboardInterrupt as interrupt:
         _interrupted(campaign, getattr(interrupt, "__notes__", []))
     typer.echo(
-        f"\n{summary(result)}\n\n"
+        f"\n{summary(result, recordings)}\n\n"
         f"look at   {picture}, {numbers}\n"
         f"try next  busemu inspect {recordings[0].path}\n"
         f"          busemu experiment {name} --evaluate {folder}"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from busemu.assemble import assemble
 from busemu.bus import Bus
@@ -24,6 +24,12 @@ from hal.walk import Progress, WalkInterrupted, WalkReport, walk
 
 from .recording import Recorder, Recording
 from .recording.metadata import of_robot, source_of
+
+if TYPE_CHECKING:
+    from sim.watch import Event
+
+#: So many things that were noticed are kept with a recording.
+MOST_NOTICED = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +60,15 @@ class Session:
         return self.recorder.recording(self.metadata(name, group, **condition))
 
     def metadata(self, name: str, group: str, **condition: Any) -> dict[str, Any]:
-        """Metadata of a recording of what this program did."""
-        return of_robot(self.robot, name=name, source=self.source, group=group, condition=condition)
+        """Metadata of a recording of what this program did, and what was noticed on the way."""
+        robot, source = self.robot, self.source
+        told = of_robot(robot, name=name, source=source, group=group, condition=condition)
+        if events := _events(self):
+            told["noticed"] = [
+                {"t_s": e.t_s, "what": e.what.value, "bodies": list(e.bodies), "note": e.note}
+                for e in events[:MOST_NOTICED]
+            ]
+        return told
 
 
 @contextmanager
@@ -135,9 +148,15 @@ def describe(report: WalkReport) -> list[str]:
     return lines
 
 
+def _events(session: Session) -> Sequence[Event]:
+    """What was noticed of the robot, where its joints are in this process."""
+    found: Sequence[Event] = getattr(session.bus.plant, "events", ()) if session.bus else ()
+    return found
+
+
 def noticed(session: Session, most: int = 8) -> list[str]:
     """Falls, self-contacts and links on the ground, where the joints are in this process."""
-    events = getattr(session.bus.plant, "events", ()) if session.bus is not None else ()
+    events = _events(session)
     lines = [f"noticed at {event}" for event in events[:most]]
     if len(events) > most:
         lines.append(f"and {len(events) - most} more events of the kind")

@@ -11,6 +11,7 @@ from ..figures.tables import aligned
 from ..files import finite, write_json
 from ..recording import Recording
 from .experiment import Experiment, Result
+from .noticed import noticed, told
 
 FORMAT = "busemu-experiment/1"
 
@@ -41,6 +42,7 @@ def document(
                 for row in result.comparisons()
             ],
             "findings": list(result.findings()),
+            "noticed": [one.numbers() for one in noticed(recordings)],
         }
     )
     return found
@@ -61,9 +63,9 @@ def write_report(
     return numbers, picture
 
 
-def summary(result: Result) -> str:
-    """Findings, and the table of numbers beside the thesis's with its reservations below."""
-    lines = [f"- {finding}" for finding in result.findings()]
+def summary(result: Result, recordings: Sequence[Recording]) -> str:
+    """Findings, what was noticed, and numbers beside the thesis's with reservations below."""
+    lines = [f"- {said}" for said in (*result.findings(), *told(noticed(recordings)))]
     rows = result.comparisons()
     if not rows:
         return "\n".join(lines)

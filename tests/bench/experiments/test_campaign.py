@@ -81,7 +81,7 @@ def test_what_cannot_be_compared_is_called_so(finished):
     rmse = next(row for row in told["beside_the_thesis"] if row["what"] == "RMSE of position")
     assert rmse["comparable"] is False
     assert "not published" in rmse["why_not"]
-    assert "not published" in summary(result)
+    assert "not published" in summary(result, recordings)
 
 
 def test_a_report_leaves_two_files_and_nothing_else(finished):

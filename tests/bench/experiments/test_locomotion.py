@@ -11,6 +11,8 @@ from experiment_runs import campaign, quiet, ran
 from bench.experiments import EXPERIMENTS
 from bench.experiments.experiment import Choice, ExperimentError
 from bench.experiments.gait_phase import LIFTED_M, cycles, feet_m, profile
+from bench.experiments.noticed import noticed
+from bench.experiments.report import document, summary
 from busemu.tables import load_robot
 from hal.cpg import LocomotionController
 from hal.legs import Legs
@@ -123,8 +125,18 @@ def test_repeats_start_from_other_states_and_come_to_the_same_walk(walked):
 def test_legs_touch_each_other_at_six_times_the_stride_and_not_at_four(robot, tmp_path):
     for v, touch in ((4.0, False), (6.0, True)):
         choice = Choice(repeats=1, seconds=SECONDS, v_left=v, v_right=v)
-        _, result = ran("locomotion", robot, tmp_path / f"{v}", choice)
+        recordings, result = ran("locomotion", robot, tmp_path / f"{v}", choice)
         assert (result.self_collision_share > 0.0) is touch
+        kinds = noticed(recordings)
+        assert bool(kinds) is touch
+        for one in kinds:
+            legs = {body.partition(".")[0] for body in one.bodies}
+            assert len(legs) == 2, one
+            assert 0.0 < one.first_s < SECONDS + 2.0
+            assert f"self-contact: {' and '.join(one.bodies)}, at" in str(one)
+        found = document(EXPERIMENTS["locomotion"], result, recordings)["noticed"]
+        assert found == [one.numbers() for one in kinds]
+        assert ("noticed self-contact: leg" in summary(result, recordings)) is touch
 
 
 def test_a_stride_beyond_reach_and_a_walk_too_short_are_refused_in_words(tmp_path):
