@@ -49,6 +49,9 @@ def experiment(
         typer.Option(metavar="DIR", help="Run nothing: evaluate the recordings in this folder."),
     ] = None,
     leg: Annotated[str, typer.Option(help="Leg of servo-check and leg-step.")] = "leg6",
+    joint: Annotated[
+        str | None, typer.Option(help="Joint of servo-check on a rig. Default: its first.")
+    ] = None,
     seconds: Annotated[float, typer.Option(help="How long locomotion walks.")] = 10.0,
     v_left: Annotated[float, typer.Option(help="Stride of the left legs in locomotion.")] = 1.0,
     v_right: Annotated[float, typer.Option(help="Stride of the right legs in locomotion.")] = 1.0,
@@ -100,7 +103,7 @@ def experiment(
             assert robot is not None
             described = load_robot(robot)
             folder = out or Path(f"{name}-{described.name}")
-            choice = Choice(repeats, seed, leg, seconds, v_left, v_right)
+            choice = Choice(repeats, seed, leg, joint, seconds, v_left, v_right)
             campaign = Campaign(chosen, described, chosen.trials(described, choice), folder, port)
             left = len(campaign.trials) - len(campaign.finished())
             typer.echo(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from busemu.assemble import assemble
 from busemu.bus import Bus
@@ -24,9 +24,6 @@ from hal.walk import Progress, WalkInterrupted, WalkReport, walk
 
 from .recording import Recorder, Recording
 from .recording.metadata import of_robot, source_of
-
-if TYPE_CHECKING:
-    from sim.watch import Event
 
 #: So many things that were noticed are kept with a recording.
 MOST_NOTICED = 500
@@ -148,9 +145,9 @@ def describe(report: WalkReport) -> list[str]:
     return lines
 
 
-def _events(session: Session) -> Sequence[Event]:
-    """What was noticed of the robot, where its joints are in this process."""
-    found: Sequence[Event] = getattr(session.bus.plant, "events", ()) if session.bus else ()
+def _events(session: Session) -> Sequence[Any]:
+    """What was noticed of the robot, where its joints are in this process (``sim.watch.Event``)."""
+    found: Sequence[Any] = getattr(session.bus.plant, "events", ()) if session.bus else ()
     return found
 
 

@@ -215,6 +215,15 @@ class PhysicalRobot:
         new = {body.name: body for body in changed}
         return replace(self, bodies=tuple(new.get(body.name, body) for body in self.bodies))
 
+    def clamped(self, limits_rad: Mapping[str, tuple[float, float]]) -> PhysicalRobot:
+        """The robot with some joints blocked at narrower limits than their own, by joint name."""
+        joints = []
+        for joint in self.joints:
+            lower, upper = limits_rad.get(joint.name, (joint.lower_rad, joint.upper_rad))
+            lower, upper = max(lower, joint.lower_rad), min(upper, joint.upper_rad)
+            joints.append(replace(joint, lower_rad=lower, upper_rad=upper))
+        return replace(self, joints=tuple(joints))
+
     def posture(self, by_segment: Mapping[str, float]) -> dict[str, float]:
         """Joint angles [rad] by joint name, with every leg alike."""
         return {joint.name: by_segment[joint.segment] for joint in self.joints}

@@ -335,11 +335,10 @@ class BulletPlant(SteppedPlant):
     A hexapod starts lying on its belly in the posture ``[rest]`` of its file, torque off. ``held``
     fixes the trunk in the air, ``trunk_load_kg`` is added to the trunk. A rig's base is always
     fixed. Where light links on a stiff gear ask for it, the steps of a rig, or of a hexapod with
-    effects, are shorter; a hexapod whose own file does so is refused.
-    ``condition`` are words of a recording (:func:`sim.condition.under`), ``scene`` is what is
-    around the robot. Falls, self-contacts and links on the ground are in ``events``. Raises
-    :class:`sim.entries.PhysicsError` when the file's physics cannot be used or is too stiff for
-    the step.
+    effects, are shorter; a hexapod whose own file does so is refused. ``condition`` are words of a
+    recording (:func:`sim.condition.under`), ``scene`` is what is around the robot, ``clamps`` block
+    joints between two angles. Falls, self-contacts and links on the ground are in ``events``.
+    Raises :class:`sim.entries.PhysicsError` when the file's physics cannot be used or is too stiff.
     """
 
     def __init__(
@@ -350,12 +349,13 @@ class BulletPlant(SteppedPlant):
         trunk_load_kg: float = 0.0,
         condition: Mapping[str, Any] | None = None,
         scene: Scene | None = None,
+        clamps: Mapping[str, tuple[float, float]] | None = None,
         steps_per_tick: int | None = None,
         substeps: int = SUBSTEPS,
     ) -> None:
         physical = read_model(robot, trunk_load_kg=trunk_load_kg, condition=condition)
         scene = scene or Scene()
-        physical = scene.around(physical)
+        physical = scene.around(physical).clamped(clamps or {})
         self.robot = physical
         self.world = World(
             physical, step_s=TICK_S, held=held, slabs=scene.slabs, pushes=scene.pushes

@@ -101,6 +101,11 @@ class Campaign:
         found = self.finished()
         left = [trial for trial in self.trials if trial.name not in found]
         prepared: str | None = None
+        if self._served and any(trial.clamps for trial in left):
+            raise ExperimentError(
+                f"{self.robot.name} as busemu serve has it has no block to press against: leave "
+                "--port away, then it gets one"
+            )
         if self.port is not None and confirm is None:
             different = {self.preparation(trial) for trial in left}
             if len(different) > 1:
@@ -135,7 +140,9 @@ class Campaign:
             return
         from sim.world import BulletPlant  # noqa: PLC0415 - a real robot needs no engine
 
-        plant = BulletPlant(self.robot, held=trial.held, trunk_load_kg=trial.trunk_load_kg)
+        plant = BulletPlant(
+            self.robot, held=trial.held, trunk_load_kg=trial.trunk_load_kg, clamps=trial.clamps
+        )
         try:
             yield in_process(self.robot, plant, load_profile(self.robot.timing))
         finally:

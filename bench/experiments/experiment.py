@@ -36,7 +36,8 @@ class Trial:
     """One repeat under one condition.
 
     ``condition`` goes into the recording's metadata. ``held``: the trunk is on a stand, no foot on
-    the ground. ``seed`` draws whatever differs between repeats.
+    the ground. ``clamps`` block joints between two angles [rad]. ``seed`` draws whatever differs
+    between repeats.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Trial:
     seconds: float  #: about how long it takes [s]
     held: bool = False
     trunk_load_kg: float = 0.0
+    clamps: Mapping[str, tuple[float, float]] = field(default_factory=lambda: MappingProxyType({}))
     condition: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
 
     def facts(self) -> dict[str, Any]:
@@ -80,6 +82,7 @@ class Choice:
     repeats: int = 5  #: as in the thesis
     seed: int = 0
     leg: str = "leg6"  #: the leg of servo check and leg step: right middle
+    joint: str | None = None  #: of the servo check on a rig; none: its first
     seconds: float = 10.0  #: of walking, as in the thesis
     v_left: float = 1.0
     v_right: float = 1.0

@@ -25,6 +25,7 @@ from ..running import Session
 from .experiment import Choice, ExperimentError, Progress, Trial
 from .leg_step_result import LegStep, Step
 from .motion import Motion, moving, observe
+from .rigs import is_rig, steps_rad
 from .series import Floats, condition, observed, robot_of
 from .steps import answer
 
@@ -54,23 +55,33 @@ class LegStepExperiment:
     )
 
     def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
-        """One trial a repeat, with the steps of all three joints, trunk held."""
-        if any(f"{choice.leg}.{part}" not in robot.by_joint for part in PARTS):
+        """One trial a repeat, with the steps of all three joints, or all of a rig; trunk held."""
+        condition: dict[str, Any] = {"leg": choice.leg}
+        if is_rig(robot):
+            condition = {"joints": list(steps_rad(robot, STEP_RAD))}
+        elif any(f"{choice.leg}.{part}" not in robot.by_joint for part in PARTS):
             raise ExperimentError(f"{robot.name} has no leg {choice.leg}: choose another --leg")
+        joints = len(condition.get("joints", PARTS))
         return tuple(
             Trial(
                 name=f"{self.name}-{repeat:02}",
                 repeat=repeat,
                 seed=choice.seed + repeat,
-                seconds=POSE_S + 6.0 * (WATCH_S + JITTER_S),
+                seconds=POSE_S + 2.0 * joints * (WATCH_S + JITTER_S),
                 held=True,
-                condition={"leg": choice.leg},
+                condition=condition,
             )
             for repeat in range(1, choice.repeats + 1)
         )
 
     def preparation(self, robot: Robot, trial: Trial) -> str:
         """What a person must do with a real robot."""
+        if is_rig(robot):
+            return (
+                f"{robot.name} goes to where its file has it at rest; then it will jump by "
+                f"{math.degrees(STEP_RAD):.0f} degrees in each of its joints: keep hands and "
+                "cables away."
+            )
         return (
             "Put the robot on a stand so that no foot touches anything and the trunk cannot move. "
             f"{trial.condition['leg']} will jump by {math.degrees(STEP_RAD):.0f} degrees in each "
@@ -79,44 +90,48 @@ class LegStepExperiment:
 
     def run(self, session: Session, trial: Trial, progress: Progress) -> Mapping[str, Any]:
         """Take the posture, then step joint after joint."""
-        leg = str(trial.condition["leg"])
         rng = np.random.default_rng(trial.seed)
-        names = {f"rig/{leg}.{part}_rad" for part in PARTS}
+        if is_rig(session.robot):
+            steps = steps_rad(session.robot, STEP_RAD)
+        else:
+            leg = str(trial.condition["leg"])
+            steps = {f"{leg}.{part}": (q, q + STEP_RAD) for part, q in POSTURE.items()}
+        names = {f"rig/{joint}_rad" for joint in steps}
         observe(session, OBSERVE_S, names.__contains__)
-        with moving(
-            session, [f"{leg}.{part}" for part in PARTS], progress, ("present_voltage",)
-        ) as motion:
-            motion.go({f"{leg}.{part}": angle for part, angle in POSTURE.items()}, POSE_S)
+        with moving(session, list(steps), progress, ("present_voltage",)) as motion:
+            motion.go({joint: start for joint, (start, _) in steps.items()}, POSE_S)
             motion.hold(0.3)
-            for part in PARTS:
-                joint = f"{leg}.{part}"
-                for goal in (POSTURE[part] + STEP_RAD, POSTURE[part]):
-                    _step(session, motion, joint, goal, rng, progress)
+            for joint, (start, goal) in steps.items():
+                _step(session, motion, joint, goal, rng)
+                _step(session, motion, joint, start, rng)
         return {}
 
     def evaluate(self, recordings: Sequence[Recording]) -> LegStep:
-        """Find the steps of ``leg``, named in the condition, and measure each."""
+        """Find the steps of ``leg``, or of ``joints``, as the condition names; measure each."""
         robot = robot_of(recordings, self.name)
-        leg = str(condition(recordings[0], "leg"))
+        listed = recordings[0].metadata.get("condition", {}).get("joints")
+        leg = "" if listed else str(condition(recordings[0], "leg"))
+        joints = tuple(map(str, listed)) if listed else tuple(f"{leg}.{part}" for part in PARTS)
         steps: list[Step] = []
         periods: list[Floats] = []
         count_rad = 0.0
         for repeat, recording in enumerate(recordings, start=1):
-            for part in PARTS:
-                joint = f"{leg}.{part}"
+            for joint in joints:
                 servo_id = robot.by_joint[joint].servo_id
                 count_rad = recording.register(servo_id, "present_position").si_scale
                 found = _steps(recording, robot, joint, repeat, count_rad)
                 steps += found
                 periods += [np.diff(step.t_s) for step in found]
         if not steps:
+            which = leg or ", ".join(joints)
             raise ExperimentError(
-                f"{self.name}: no goal of {leg} jumps by more than {math.degrees(JUMP_RAD):.0f} "
+                f"{self.name}: no goal of {which} jumps by more than {math.degrees(JUMP_RAD):.0f} "
                 "degrees in these recordings"
             )
         return LegStep(
             robot=robot.name,
             leg=leg,
+            joints=joints,
             repeats=len(recordings),
             count_rad=count_rad,
             period_s=float(np.median(np.concatenate(periods))),
@@ -136,7 +151,6 @@ def _step(
     joint: str,
     goal_rad: float,
     rng: np.random.Generator,
-    progress: Progress,
 ) -> None:
     """Wait a little, step, and read the one joint as fast as the bus allows."""
     clock = session.clock

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from hal.legs import PARTS
-
 from .experiment import RAW_DATA, Comparison
 from .series import Floats, rms
 from .steps import StepAnswer
@@ -40,18 +38,27 @@ class Step:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegStep:
-    """Steps of the three joints of a leg."""
+    """Steps of the three joints of a leg, or of all joints of a rig, whose ``leg`` is empty."""
 
     robot: str
     leg: str
+    joints: tuple[str, ...]
     repeats: int
     count_rad: float  #: resolution of the position
     period_s: float  #: median time between two positions read
     steps: tuple[Step, ...]
 
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What the joints are called here: coxa, femur, tibia; or their own names."""
+        return tuple(joint.removeprefix(f"{self.leg}.") for joint in self.joints)
+
+    def _joint(self, part: str) -> str:
+        return self.joints[self.parts.index(part)]
+
     def of(self, part: str, *, outward: bool) -> list[Step]:
         """Steps of one joint one way, a repeat each."""
-        joint = f"{self.leg}.{part}"
+        joint = self._joint(part)
         return [step for step in self.steps if step.joint == joint and step.outward is outward]
 
     def repeatability_counts(self, part: str, *, outward: bool) -> float:
@@ -66,13 +73,13 @@ class LegStep:
 
     def sensor_counts(self, part: str) -> float:
         """RMS of positions read minus true angles, in counts; NaN where nobody knew them."""
-        every = [s for s in self.steps if s.joint == f"{self.leg}.{part}"]
+        every = [s for s in self.steps if s.joint == self._joint(part)]
         return rms(np.concatenate([s.position_rad - s.true_rad for s in every])) / self.count_rad
 
     def numbers(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
         joints: dict[str, Any] = {}
-        for part in PARTS:
+        for part in self.parts:
             joints[part] = {"read_minus_true_rms_counts": self.sensor_counts(part)}
             for outward, word in ((True, "up"), (False, "down")):
                 every = [step.answer for step in self.of(part, outward=outward)]
@@ -85,7 +92,7 @@ class LegStep:
                     "repeatability_rms_counts": self.repeatability_counts(part, outward=outward),
                 }
         return {
-            "leg": self.leg,
+            "leg": self.leg or None,
             "repeats": self.repeats,
             "step_rad": _mean(abs(s.goal_rad - s.start_rad) for s in self.steps),
             "resolution_rad": self.count_rad,
@@ -94,9 +101,13 @@ class LegStep:
         }
 
     def comparisons(self) -> tuple[Comparison, ...]:
-        """Numbers beside the thesis's."""
+        """Numbers beside the thesis's; none for a robot that it does not know."""
+        if self.robot not in THESIS_RMSE:
+            return ()
         spread = [
-            self.repeatability_counts(part, outward=way) for part in PARTS for way in (True, False)
+            self.repeatability_counts(part, outward=way)
+            for part in self.parts
+            for way in (True, False)
         ]
         known = [counts for counts in spread if not math.isnan(counts)]
         found = []
@@ -105,7 +116,7 @@ class LegStep:
                 Comparison(
                     "RMSE of position",
                     f"{min(known):.2f} to {max(known):.2f} x resolution between repeats",
-                    f"{THESIS_RMSE.get(self.robot, '(another robot)')} x resolution",
+                    f"{THESIS_RMSE[self.robot]} x resolution",
                     "ours is the spread of our own repeats, the thesis's is model against real "
                     f"robot; {RAW_DATA}",
                 )
@@ -126,7 +137,7 @@ class LegStep:
     def findings(self) -> tuple[str, ...]:
         """What a reader should know."""
         found = []
-        for part in PARTS:
+        for part in self.parts:
             every = [s.answer for way in (True, False) for s in self.of(part, outward=way)]
             off = _mean(abs(a.steady_error_rad) for a in every) / self.count_rad
             found.append(

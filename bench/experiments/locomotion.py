@@ -24,6 +24,7 @@ from .gait_phase import Cycles, cycles, feet_m
 from .locomotion_result import JointCourse, LegCourse, Locomotion, Walk
 from .motion import observe, read_law
 from .position_error import TorqueSensor
+from .rigs import only_hexapods
 from .series import Floats, observed, robot_of, samples, span_s
 
 #: Standing up takes this long (see :mod:`hal.walk`) [s].
@@ -48,6 +49,7 @@ class LocomotionExperiment:
 
     def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
         """One trial a repeat, each from another start state."""
+        only_hexapods(robot, self.name)
         Legs.of(robot)
         return tuple(
             Trial(

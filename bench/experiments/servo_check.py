@@ -5,9 +5,11 @@ goal goes on into the block and back: the position error grows from nothing to p
 leg is raised like a mast, so that it is light and clear of its neighbours. Emulated, the block is
 the joint's mechanical stop; on a real robot it is a clamp.
 
-Two lines come out. Duty against error needs ``present_load`` only, and shows the position law of
-any servo, real or not. Torque against error needs someone who knows the torque: here what stands
-beside an emulated robot.
+A rig stays as it rests, and any of its joints can be checked; emulated, a clamp holds it.
+
+Two lines come out. Duty against error needs ``present_load`` (or ``present_pwm``) only, and shows
+the position law of any servo, real or not. Torque against error needs someone who knows the torque:
+here what stands beside an emulated robot.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from .experiment import Choice, ExperimentError, Progress, Trial
 from .lines import Line, fit_line
 from .motion import Motion, moving, observe, shutdown_registers
 from .position_error import TorqueSensor
+from .rigs import clamp_rad, is_rig, rest_rad
 from .series import Floats, condition, rms, robot_of, samples, spans_s
 from .servo_check_result import ServoCheck
 
@@ -65,10 +68,26 @@ class ServoCheckExperiment:
     )
 
     def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
-        """One trial a repeat, trunk held."""
-        joint = f"{choice.leg}.coxa"
-        if joint not in robot.by_joint:
-            raise ExperimentError(f"{robot.name} has no joint {joint}: choose another --leg")
+        """One trial a repeat, trunk held; of a rig, whatever joint is wanted, clamped."""
+        condition: dict[str, Any] = {}
+        clamps: dict[str, tuple[float, float]] = {}
+        if is_rig(robot):
+            joint = choice.joint or robot.servos[0].joint
+            if joint not in robot.by_joint:
+                raise ExperimentError(
+                    f"{robot.name} has no joint {joint}: use --joint "
+                    f"{' or --joint '.join(robot.by_joint)}"
+                )
+            clamps[joint] = clamp_rad(robot, joint, PAST)
+            condition["blocked_rad"] = list(clamps[joint])
+        else:
+            if choice.joint is not None:
+                raise ExperimentError(
+                    f"{robot.name} has legs, of which the coxa is checked: use --leg, not --joint"
+                )
+            joint = f"{choice.leg}.coxa"
+            if joint not in robot.by_joint:
+                raise ExperimentError(f"{robot.name} has no joint {joint}: choose another --leg")
         return tuple(
             Trial(
                 name=f"{self.name}-{repeat:02}",
@@ -76,7 +95,8 @@ class ServoCheckExperiment:
                 seed=choice.seed + repeat,
                 seconds=RAISE_S + 4.0 * SWEEP_S,
                 held=True,
-                condition={"joint": joint},
+                clamps=clamps,
+                condition={"joint": joint, **condition},
             )
             for repeat in range(1, choice.repeats + 1)
         )
@@ -84,6 +104,15 @@ class ServoCheckExperiment:
     def preparation(self, robot: Robot, trial: Trial) -> str:
         """What a person must do with a real robot."""
         joint = str(trial.condition["joint"])
+        if is_rig(robot):
+            low, high = trial.clamps[joint]
+            return (
+                f"{robot.name} goes to where its file has it at rest; then {joint} (servo "
+                f"{robot.by_joint[joint].servo_id}) turns slowly one way and the other until it "
+                f"meets a block. Fix two that stop it at about {math.degrees(low):.0f} and "
+                f"{math.degrees(high):.0f} degrees, strong enough for the stall torque. Keep hands "
+                "off."
+            )
         leg = joint.partition(".")[0]
         return (
             f"Put the robot on a stand so that no foot touches anything. {leg} will rise until it "
@@ -96,16 +125,16 @@ class ServoCheckExperiment:
         """Raise the leg, then press against the block on either side."""
         robot = session.robot
         joint = str(trial.condition["joint"])
-        leg = joint.partition(".")[0]
         mount = robot.by_joint[joint]
         rng = np.random.default_rng(trial.seed)
-        slow = ("present_load", "present_voltage", *shutdown_registers(robot))
+        load = load_register(robot, joint)
+        slow = (load, "present_voltage", *shutdown_registers(robot))
         observe(session, OBSERVE_S, {f"rig/{joint}_nm", f"rig/{joint}_rad"}.__contains__)
         spans: list[float] = []
         with moving(session, [joint], progress, slow) as motion:
             sensor = TorqueSensor.of(robot, mount, motion.law_registers[joint])
             depth_rad = PAST * sensor.full_error_rad
-            motion.go({f"{leg}.{part}": angle for part, angle in MAST.items()}, RAISE_S)
+            motion.go(_posture(robot, trial), RAISE_S)
             for side in (-1.0, 1.0):
                 blocked_rad = _find_block(motion, joint, side, sensor.count_rad)
                 spans += _press(motion, joint, blocked_rad, side * depth_rad, rng)
@@ -139,6 +168,8 @@ class ServoCheckExperiment:
             load=load,
             rising=rising,
             sensor=sensor,
+            load_register=load_register(robot, joint),
+            load_refresh_s=float(_drive_of(robot, joint).get("load_refresh_s", 0.0)),
             gain_per_rad=law.slope,
             gain_r2=law.r2,
             line=replace(line, spread=float(np.std(slopes))) if known else None,
@@ -152,6 +183,16 @@ class ServoCheckExperiment:
         from .figures.servo_check import servo_check_figure  # noqa: PLC0415
 
         return servo_check_figure(result)
+
+
+def _posture(robot: Robot, trial: Trial) -> dict[str, float]:
+    """Where the joints are while one of them is pressed [rad]."""
+    joint = str(trial.condition["joint"])
+    if is_rig(robot):
+        low, high = trial.clamps[joint]
+        return {**rest_rad(robot), joint: 0.5 * (low + high)}
+    leg = joint.partition(".")[0]
+    return {f"{leg}.{part}": angle for part, angle in MAST.items()}
 
 
 def _find_block(motion: Motion, joint: str, side: float, count_rad: float) -> float:
@@ -189,6 +230,14 @@ def _press(
     motion: Motion, joint: str, blocked_rad: float, depth_rad: float, rng: np.random.Generator
 ) -> list[float]:
     """Move the goal into the block and back; returns from when to when [s]."""
+    control, index = motion.control, motion.control.joints.index(joint)
+    lower, upper = float(control.lower_rad[index]), float(control.upper_rad[index])
+    if not lower < blocked_rad + depth_rad < upper:
+        raise ExperimentError(
+            f"{joint} is blocked at {blocked_rad:.2f} rad, and full duty needs a goal "
+            f"{abs(depth_rad):.2f} rad beyond, but its servo ends at {lower:.2f} and {upper:.2f} "
+            "rad: block it nearer to the middle of its range"
+        )
     motion.go({joint: blocked_rad}, 0.5)
     motion.hold(0.2 + 0.1 * float(rng.uniform()))
     seconds = SWEEP_S / 2.0 * float(rng.uniform(0.95, 1.05))
@@ -203,17 +252,28 @@ def _points(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Error [rad], true torque [N m], load as duty and voltage [V] of all spans of pressing."""
     mount = robot.by_joint[joint]
-    loads = recording.si(mount.servo_id, "present_load", "read")
+    loads = recording.si(mount.servo_id, load_register(robot, joint), "read")
+    sign = mount.direction * float(_drive_of(robot, joint).get("load_sign", 1.0))
     parts = []
     for start_s, end_s in spans_s(recording, "pressing_s"):
         found = samples(recording, robot, joint, (start_s, end_s))
         load = np.full(len(found.t_s), np.nan)
         inside = (loads.t_sample_s >= start_s) & (loads.t_sample_s <= end_s)
         at = np.searchsorted(found.t_s, loads.t_sample_s[inside]) - 1
-        load[np.maximum(at, 0)] = mount.direction * loads.value[inside]
+        load[np.maximum(at, 0)] = sign * loads.value[inside]
         parts.append((found.error_rad, found.true_nm, load, found.voltage_v))
     error, torque, load, volt = (np.concatenate(part) for part in zip(*parts, strict=True))
     return error, torque, load, volt
+
+
+def load_register(robot: Robot, joint: str) -> str:
+    """The register that shows the duty of a joint's servo: its load, or its PWM."""
+    table = robot.tables[robot.by_joint[joint].servo_id]
+    return "present_load" if "present_load" in table else "present_pwm"
+
+
+def _drive_of(robot: Robot, joint: str) -> Mapping[str, Any]:
+    return robot.tables[robot.by_joint[joint].servo_id].drive
 
 
 def _rising(error_rad: Floats) -> NDArray[np.bool_]:

@@ -13,6 +13,9 @@ from .lines import Line
 from .position_error import TorqueSensor
 from .series import Floats
 
+#: Robots of the thesis; others have nothing to be set beside.
+THESIS = ("marvin", "phantomx")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ServoCheck:
@@ -24,9 +27,11 @@ class ServoCheck:
     supply_v: float
     error_rad: Floats
     torque_nm: Floats  #: NaN where nobody knew it
-    load: Floats  #: ``present_load`` as duty, NaN where not read at that instant
+    load: Floats  #: ``load_register`` as duty, NaN where not read at that instant
     rising: NDArray[np.bool_]  #: the goal was on its way into the block, not back
     sensor: TorqueSensor
+    load_register: str
+    load_refresh_s: float  #: how often the servo renews it, as its control table says; 0 is always
     gain_per_rad: float  #: measured: duty a radian
     gain_r2: float
     line: Line | None  #: torque against error, of both ways; the spread is that of repeats
@@ -76,7 +81,7 @@ class ServoCheck:
 
     def comparisons(self) -> tuple[Comparison, ...]:
         """Numbers beside the thesis's."""
-        if self.line is None:
+        if self.line is None or self.robot not in THESIS:
             return ()
         rated = self.sensor.stall_nm
         return (
@@ -98,7 +103,7 @@ class ServoCheck:
         """What a reader should know."""
         expected = self.sensor.law.gain_ccw_per_rad
         found = [
-            f"position law: {self.gain_per_rad:.2f} duty/rad from present_load, "
+            f"position law: {self.gain_per_rad:.2f} duty/rad from {self.load_register}, "
             f"{self.gain_per_rad / expected - 1.0:+.1%} from the control table's {expected:.2f}"
         ]
         reached = min(float(np.max(self.error_rad)), -float(np.min(self.error_rad)))

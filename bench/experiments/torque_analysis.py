@@ -27,6 +27,7 @@ from ..running import Session
 from .experiment import Choice, Progress, Trial
 from .motion import moving, observe, shutdown_registers
 from .position_error import TorqueSensor
+from .rigs import only_hexapods
 from .series import condition, cut_at_s, robot_of, samples, span_s
 from .torque_analysis_result import Course, TorqueAnalysis
 
@@ -58,6 +59,7 @@ class TorqueAnalysisExperiment:
 
     def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
         """A trial a repeat and load: none, one and two battery packs more, as in the thesis."""
+        only_hexapods(robot, self.name)
         pack_kg = quantity(robot.document, "trunk", "battery_kg")
         supporting, lifted = _tripods(robot)
         return tuple(

@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 
 from bench.figures.style import GOAL, MEASURED, MODELLED, styled
 from busemu.wording import amount
-from hal.legs import PARTS
 
 if TYPE_CHECKING:
     from ..leg_step_result import LegStep
@@ -23,17 +22,19 @@ BEFORE_S, SHOWN_S = 0.03, 0.5
 @styled
 def leg_step_figure(result: LegStep) -> Figure:
     """Positions of all repeats over time, with the goal and the true angle where it is known."""
-    figure = Figure(figsize=(10.2, 5.8), layout="constrained")
-    grid = figure.subplots(2, 3, sharex=True, squeeze=False)
+    columns = len(result.parts)
+    figure = Figure(figsize=(max(3.4 * columns, 5.0), 5.8), layout="constrained")
+    grid = figure.subplots(2, columns, sharex=True, squeeze=False)
+    whose = f"{result.robot}, {result.leg}" if result.leg else result.robot
     figure.suptitle(
-        f"Leg step: {result.robot}, {result.leg}, {amount(result.repeats, 'repeat')}, "
+        f"Leg step: {whose}, {amount(result.repeats, 'repeat')}, "
         f"a position every {result.period_s * 1e3:.1f} ms",
         x=0.01,
         ha="left",
         fontsize=11.0,
         fontweight="bold",
     )
-    for column, part in enumerate(PARTS):
+    for column, part in enumerate(result.parts):
         for row, outward in enumerate((True, False)):
             _panel(grid[row, column], result, part, outward=outward)
         grid[0, column].set_title(part)

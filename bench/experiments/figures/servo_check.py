@@ -85,7 +85,7 @@ def _torque(axes: Axes, result: ServoCheck) -> None:
         fontweight="normal",
         fontsize=9,
     )
-    axes.legend(loc="lower right", markerscale=3)
+    axes.legend(loc="center right", markerscale=3, bbox_to_anchor=(1.0, 0.26))
 
 
 def _duty(axes: Axes, result: ServoCheck) -> None:
@@ -102,14 +102,15 @@ def _duty(axes: Axes, result: ServoCheck) -> None:
     axes.plot(error, expected, color=INK, linewidth=1.0, label="position law of the registers")
     for sign in (-1.0, 1.0):
         axes.axhline(sign, color=GOAL, linewidth=0.9, linestyle="--")
-    axes.set_ylabel("present_load, as duty")
+    axes.set_ylabel(f"{result.load_register}, as duty")
+    renewed = f"; the servo renews its load every {result.load_refresh_s * 1e3:.0f} ms"
     axes.set_title(
         f"gain {result.gain_per_rad:.2f} duty/rad (control table "
-        f"{result.sensor.law.gain_ccw_per_rad:.2f}); the servo renews its load every 130 ms",
+        f"{result.sensor.law.gain_ccw_per_rad:.2f})" + (renewed if result.load_refresh_s else ""),
         fontweight="normal",
         fontsize=9,
     )
-    axes.legend(loc="lower right", markerscale=2)
+    axes.legend(loc="center right", markerscale=2, bbox_to_anchor=(1.0, 0.26))
 
 
 def _expected(result: ServoCheck) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
