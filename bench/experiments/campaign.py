@@ -17,7 +17,7 @@ from busemu.timing import load_profile
 from hal.legs import quantity
 
 from ..recording import Recording, read, write
-from ..recording.metadata import plain, source_of
+from ..recording.metadata import fingerprint, plain, source_of
 from ..running import Session, in_process, on_port
 from .experiment import Experiment, ExperimentError, Progress, Trial
 
@@ -48,13 +48,16 @@ class Campaign:
         """What a trial's recording says of its condition.
 
         A robot that is served on a port lies on its belly. The supply of a real one is not known
-        but for what its servos measure.
+        but for what its servos measure. An emulated one is told by its file, too, which may say
+        another thing the next time: ``model`` is the first digits of its fingerprint.
         """
         facts = trial.facts()
         if self._served:
             facts["support"] = "ground"
         if self.port is None or self._served:
             facts["supply_v"] = quantity(self.robot.document, "supply", "voltage_v")
+        if self.port is None:
+            facts["model"] = fingerprint(self.robot)[:12]
         return facts
 
     def preparation(self, trial: Trial) -> str:
@@ -162,8 +165,8 @@ class Campaign:
             different.append("source")
         if different:
             raise ExperimentError(
-                f"{recording.path} is of another run ({', '.join(different)} differ): choose "
-                "another --out, or take the recordings away"
+                f"{recording.path} is of another run, with another "
+                f"{' and '.join(different)}: choose another --out, or take the recordings away"
             )
         return recording
 

@@ -25,7 +25,7 @@ from ..running import Session
 from .experiment import Choice, ExperimentError, Progress, Trial
 from .leg_step_result import LegStep, Step
 from .motion import Motion, moving, observe
-from .rigs import is_rig, steps_rad
+from .rigs import is_rig, no_such_leg, steps_rad
 from .series import Floats, condition, observed, robot_of
 from .steps import answer
 
@@ -60,7 +60,7 @@ class LegStepExperiment:
         if is_rig(robot):
             condition = {"joints": list(steps_rad(robot, STEP_RAD))}
         elif any(f"{choice.leg}.{part}" not in robot.by_joint for part in PARTS):
-            raise ExperimentError(f"{robot.name} has no leg {choice.leg}: choose another --leg")
+            raise no_such_leg(robot, choice.leg)
         joints = len(condition.get("joints", PARTS))
         return tuple(
             Trial(

@@ -34,6 +34,13 @@ def only_hexapods(robot: Robot, experiment: str) -> None:
         )
 
 
+def no_such_leg(robot: Robot, leg: str) -> ExperimentError:
+    """The error for a leg that a robot does not have."""
+    names = [str(row.get("name")) for row in robot.document.get("leg", ())]
+    known = f"use --leg {' or --leg '.join(names)}" if names else "its file has no [[leg]]"
+    return ExperimentError(f"{robot.name} has no leg {leg}: {known}")
+
+
 def rest_rad(robot: Robot) -> dict[str, float]:
     """Where the joints of a rig are at rest [rad]. Raises :class:`sim.entries.PhysicsError`."""
     model = read_physics(robot)

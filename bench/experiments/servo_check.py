@@ -31,7 +31,7 @@ from .experiment import Choice, ExperimentError, Progress, Trial
 from .lines import Line, fit_line
 from .motion import Motion, moving, observe, shutdown_registers
 from .position_error import TorqueSensor
-from .rigs import clamp_rad, is_rig, rest_rad
+from .rigs import clamp_rad, is_rig, no_such_leg, rest_rad
 from .series import Floats, condition, rms, robot_of, samples, spans_s
 from .servo_check_result import ServoCheck
 
@@ -87,7 +87,7 @@ class ServoCheckExperiment:
                 )
             joint = f"{choice.leg}.coxa"
             if joint not in robot.by_joint:
-                raise ExperimentError(f"{robot.name} has no joint {joint}: choose another --leg")
+                raise no_such_leg(robot, choice.leg)
         return tuple(
             Trial(
                 name=f"{self.name}-{repeat:02}",

@@ -8,8 +8,6 @@ was asked for, to the bit.
 from __future__ import annotations
 
 import csv
-import hashlib
-import json
 import tomllib
 from dataclasses import asdict, astuple, fields
 from pathlib import Path
@@ -20,6 +18,7 @@ import tomli_w
 from busemu.tables import Robot
 
 from ..files import write_csv, write_text
+from ..recording.metadata import fingerprint
 from .candidate import NAMES, Candidate, GaitSearchError
 from .outcome import Job, Outcome
 
@@ -72,12 +71,6 @@ class Ledger:
                 f"{self.folder}: its walks are of {told.get('robot')} with another robot file: "
                 "choose another --out"
             )
-
-
-def fingerprint(robot: Robot) -> str:
-    """SHA-256 of what a robot file says, whatever its layout and comments."""
-    said = json.dumps(robot.document, sort_keys=True, default=dict)
-    return hashlib.sha256(said.encode()).hexdigest()
 
 
 def _row(outcome: Outcome) -> list[str]:

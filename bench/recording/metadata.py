@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime
+import hashlib
+import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -50,6 +52,12 @@ def of_robot(
             for servo in robot.servos
         },
     }
+
+
+def fingerprint(robot: Robot) -> str:
+    """SHA-256 of what a robot file says, whatever its layout and comments."""
+    said = json.dumps(robot.document, sort_keys=True, default=dict)
+    return hashlib.sha256(said.encode()).hexdigest()
 
 
 def source_of(port: str) -> str:

@@ -13,6 +13,7 @@ from bench.experiments.campaign import Campaign, recordings_in
 from bench.experiments.experiment import Choice, ExperimentError
 from bench.experiments.report import document, summary, write_report
 from bench.recording import read, write
+from busemu.tables.robots import parse_robot
 
 
 def leg_steps(folder, repeats=2, seed=0):
@@ -147,11 +148,22 @@ def test_ctrl_c_lets_go_of_the_robot(name, tmp_path, monkeypatch):
 
 def test_a_folder_of_another_run_is_refused(finished):
     done, _, _ = finished
-    with pytest.raises(ExperimentError, match=r"leg-step-01.parquet is of another run \(seed"):
+    with pytest.raises(
+        ExperimentError, match=r"leg-step-01.parquet is of another run, with another seed: choose"
+    ):
         leg_steps(done.folder, seed=3).run(quiet)
     other = campaign("leg-step", "marvin", done.folder, Choice(repeats=1, leg="leg1"))
-    with pytest.raises(ExperimentError, match=r"\(leg differ\).*choose another --out"):
+    with pytest.raises(ExperimentError, match=r"with another leg: choose another --out"):
         other.run(quiet)
+
+
+def test_a_folder_of_another_model_of_the_same_robot_is_refused_and_not_reused(finished):
+    done, _, _ = finished
+    sag = {"name": "voltage_sag", "parameters": {"resistance_ohm": {"value": 0.5, "source": "a"}}}
+    document = {**done.robot.document, "effect": [sag]}
+    changed = replace(done, robot=parse_robot(document, done.robot.path))
+    with pytest.raises(ExperimentError, match=r"with another model: choose another --out"):
+        changed.run(quiet)
 
 
 def test_a_folder_without_recordings_of_the_experiment_is_refused(finished, tmp_path):

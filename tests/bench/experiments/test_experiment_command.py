@@ -17,7 +17,16 @@ from programs import busemu
         (["leg-step", "--robot", "marvin", "--port", "/dev/nowhere", "--yes"], "no such port"),
         (["leg-step"], "--robot marvin"),
         (["leg-step", "--robot", "nobody"], "no robot named 'nobody': use one of "),
-        (["leg-step", "--robot", "marvin", "--leg", "leg9"], "choose another --leg"),
+        (
+            ["leg-step", "--robot", "marvin", "--leg", "leg9"],
+            "marvin has no leg leg9: use --leg leg1 or --leg leg2",
+        ),
+        (
+            ["servo-check", "--robot", "marvin", "--leg", "leg9"],
+            "marvin has no leg leg9: use --leg leg1 or --leg leg2",
+        ),
+        (["locomotion", "--robot", "arm"], "arm has no legs: use servo-check or leg-step"),
+        (["servo-check", "--robot", "arm", "--joint", "hand"], "no joint hand: use --joint base"),
         (["leg-stop", "--robot", "marvin"], "use servo-check, torque-analysis, leg-step"),
         (["locomotion", "--robot", "marvin", "--repeats", "0"], "--repeats"),
         (["locomotion", "--robot", "marvin", "--seconds", "0"], "--seconds"),
