@@ -99,7 +99,8 @@ class Candidate:
     load: Load
     voltage_v: float
     source_ohm: float
-    skew_s: float = 0.0
+    skew_s: float = 0.0  #: the position shown is of an instant this much later
+    late_s: float = 0.0  #: so is all that is read; nothing but positions moves so fast
     load_refresh_s: float = 0.0
     load_phase_s: float = 0.0
     start_offset_rad: float = 0.0  #: of the shaft's first angle, over the replay's
@@ -116,8 +117,8 @@ class Candidate:
             load,
             robot.supply.voltage_v,
             robot.supply.resistance_ohm,
-            robot.reading.skew_s,
-            robot.reading.load_refresh_s,
+            skew_s=robot.reading.skew_s,
+            load_refresh_s=robot.reading.load_refresh_s,
         )
 
 
@@ -149,7 +150,7 @@ class Batch:
         ``sensed_rad`` is what each replay's servo showed at the replay's samples. It is the
         controller's own sensor, so zero and linearity of the sensor play no part.
         """
-        arrays, loads, jobs = self._jobs(candidates, replays)
+        arrays, _, jobs = self._jobs(candidates, replays)
         arrays.params[kernel.ZERO_OFFSET] = 0.0
         arrays.params[kernel.WAVE] = 0.0
         longest = max(len(self.replays[r].samples) for r in replays)
@@ -161,7 +162,7 @@ class Batch:
             _pool(self._threads).submit(
                 kernel.regulate,
                 arrays,
-                loads[kernel.SAMPLE_SKEW],
+                np.array([c.skew_s for c in candidates]),
                 jobs,
                 sensed,
                 TICK_S,
@@ -192,7 +193,7 @@ class Batch:
             offset = c.drive[kernel.ZERO_OFFSET]
             loads[kernel.SHAFT_POSITION, j] = replay.position_rad + c.start_offset_rad - offset
             loads[kernel.SHAFT_VELOCITY, j] = replay.velocity_rad_s
-            loads[kernel.SAMPLE_SKEW, j] = c.skew_s
+            loads[kernel.SAMPLE_SKEW, j] = c.skew_s + c.late_s
             loads[kernel.DUTY_REFRESH, j] = c.load_refresh_s
             loads[kernel.DUTY_PHASE, j] = c.load_phase_s
         gravity = [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]

@@ -213,7 +213,7 @@ NUISANCES = (
         "s",
         0.0005,
         "jitter and turnaround of a bus; assumed",
-        lambda c, x: replace(c, skew_s=c.skew_s + x),
+        lambda c, x: replace(c, late_s=c.late_s + x),
     ),
     Nuisance(
         "supply",

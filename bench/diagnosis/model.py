@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
-TURNING = frozenset({"gain", "sampling", "read_skew"})
+TURNING = frozenset({"gain", "read_skew"})
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 
 

@@ -110,7 +110,7 @@ def candidate(moment=1.0):
 
 def parts(one):
     load = (one.load.inertia_kg_m2, *one.load.sine_nm, *one.load.cosine_nm)
-    return *one.drive.tolist(), *load, one.voltage_v, one.skew_s
+    return *one.drive.tolist(), *load, one.voltage_v, one.skew_s + one.late_s
 
 
 @pytest.mark.parametrize("nuisance", NUISANCES, ids=lambda n: n.name)
