@@ -8,7 +8,7 @@ traces says whether the data can tell the two apart.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +18,17 @@ from .noise import Noise, huber_weight, whiten
 from .robot_curves import Rows
 from .robot_features import RobotKind
 from .robot_model import RobotModel
+from .robot_nuisances import RobotNuisance
 
 Floats = NDArray[np.float64]
 
 ALIKE = 0.95  #: cosine beyond which two effects are one class
 STANDS_OUT = 1.4  #: times the middle leg's misfit from which a leg is looked at on its own
 SEEN = 3.0  #: deviations at which an effect of that size would be seen
+CONFIRMED = 6  #: effects of a screening that are fitted
+PROMISING = 3.0  #: gain [nats] in the screening of those that are
+A_KIND = 2  #: of them at most so many places of one effect
+STRETCHED = 0.9  #: of what a tolerance may be, from which its effect is tried by name
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,25 @@ class Screened:
     gain_nats: float
     z: float
     floor_z: float
+
+
+def stretched(every: Sequence[RobotNuisance], z: Floats) -> frozenset[str]:
+    """Effects that are a nuisance without its prior, of nuisances that go as far as they may."""
+    far = [n for n, x in zip(every, z.tolist(), strict=True) if abs(x) > STRETCHED * n.reach]
+    return frozenset(name for nuisance in far for name in nuisance.same)
+
+
+def worth_fitting(ranking: Sequence[Screened], named: Collection[str]) -> list[Screened]:
+    """Effects of a screening to be fitted: the best, few of a kind, and those ``named``."""
+    found: list[Screened] = []
+    count: dict[str, int] = {}
+    for one in ranking:
+        kind = one.name.partition("@")[0]
+        room = len(found) < CONFIRMED and count.get(kind, 0) < A_KIND
+        if one.gain_nats >= PROMISING and room:
+            count[kind] = count.get(kind, 0) + 1
+            found.append(one)
+    return found + [one for one in ranking if one.name in named and one not in found]
 
 
 def _columns(rows: Rows, which: NDArray[np.bool_]) -> Rows:

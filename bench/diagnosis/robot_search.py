@@ -20,8 +20,7 @@ from .robot_fit import ENOUGH, RobotFit, Sight
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad
 from .robot_model import RobotModel
-from .robot_nuisances import RobotNuisance
-from .robot_screen import Screen, Screened
+from .robot_screen import Screen, Screened, stretched, worth_fitting
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
@@ -30,10 +29,6 @@ Progress = Callable[[str], None]
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
 BESIDE = 15.0  #: the same of an effect beside others: what those leave unexplained it may take up
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on groups of recordings left out
-CONFIRMED = 6  #: effects of a screening that are fitted
-PROMISING = 3.0  #: gain [nats] in the screening of those that are
-A_KIND = 2  #: of them at most so many places of one effect
-STRETCHED = 0.9  #: of what a tolerance may be, from which its effect is tried by name
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
@@ -42,6 +37,12 @@ KEPT = 0.8  #: of a promised gain that an exact replay must bear out for curves 
 PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
+#: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
+#: much of it, are two valleys
+SPRINGS = frozenset(
+    f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
+)
+FAR_FITS = 2  #: exact replays and fits in turns before such a spring is judged
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,25 +95,6 @@ def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:
     return sorted((replace(g, inflation=common) for g in gains), key=lambda g: -g.deflated)
 
 
-def stretched(every: Sequence[RobotNuisance], z: Floats) -> frozenset[str]:
-    """Effects that are a nuisance without its prior, of nuisances that go as far as they may."""
-    far = [n for n, x in zip(every, z.tolist(), strict=True) if abs(x) > STRETCHED * n.reach]
-    return frozenset(name for nuisance in far for name in nuisance.same)
-
-
-def worth_fitting(ranking: Sequence[Screened], named: Collection[str]) -> list[Screened]:
-    """Effects of a screening to be fitted: the best, few of a kind, and those ``named``."""
-    found: list[Screened] = []
-    count: dict[str, int] = {}
-    for one in ranking:
-        kind = one.name.partition("@")[0]
-        room = len(found) < CONFIRMED and count.get(kind, 0) < A_KIND
-        if one.gain_nats >= PROMISING and room:
-            count[kind] = count.get(kind, 0) + 1
-            found.append(one)
-    return found + [one for one in ranking if one.name in named and one not in found]
-
-
 class RobotSearch:
     """A search on some recordings of a model, with some kinds of channels."""
 
@@ -153,6 +135,7 @@ class RobotSearch:
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
+                gains = self._with_springs(gains, now, SPRINGS.intersection(wanted))
                 chosen = self._that_holds(now, gains, named)
                 tried.append(tuple(gains))
                 if chosen is None:
@@ -338,6 +321,25 @@ class RobotSearch:
         fitted = self._fit(names, vectors[int(np.argmin(costs))], now.noise)
         wide = sight.inflation(fitted, one.name)
         return RobotGain(one.name, fitted, now.cost - fitted.cost, wide, None)
+
+    def _with_springs(
+        self, gains: Sequence[RobotGain], now: RobotFit, springs: frozenset[str]
+    ) -> list[RobotGain]:
+        """Gains, and those of springs that are begun with much of them, where these are larger."""
+        best = {gain.name: gain for gain in gains}
+        for name in sorted(springs.difference(now.names)):
+            self._say(f"looking for much of {name}")
+            *_, large = self.model.curves.tries(name)
+            at = RobotFit((*now.names, name), np.append(now.z, large), now.noise, now.cost)
+            for _ in range(FAR_FITS):
+                self.model.recentre(at.settings, at.nuisances, self.which)
+                at = self._fit(at.names, at.z, at.noise)
+            at = self._replayed(at)
+            nats = now.cost - at.cost
+            if nats >= NEEDED and (name not in best or nats > best[name].nats):
+                best[name] = RobotGain(name, at, nats, self.sight.inflation(at, name), None)
+        self.model.recentre(now.settings, now.nuisances, self.which)
+        return levelled(list(best.values()))
 
     def _left_out(self, found: RobotFit) -> float | None:
         """What groups cost that are left out in turn [nats], fitted anew without them.

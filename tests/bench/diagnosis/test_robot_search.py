@@ -9,21 +9,24 @@ import pytest
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_nuisances import SAME, nuisances
-from bench.diagnosis.robot_screen import Screened
-from bench.diagnosis.robot_search import (
+from bench.diagnosis.robot_screen import (
     A_KIND,
-    BESIDE,
     CONFIRMED,
+    PROMISING,
+    STRETCHED,
+    Screened,
+    stretched,
+    worth_fitting,
+)
+from bench.diagnosis.robot_search import (
+    BESIDE,
     KEPT,
     NEEDED,
     PART,
-    PROMISING,
-    STRETCHED,
+    SPRINGS,
     WORSE,
     RobotGain,
     RobotSearch,
-    stretched,
-    worth_fitting,
 )
 from busemu.tables import load_robot
 from sim.model import read_model
@@ -178,6 +181,54 @@ def test_what_was_found_far_away_is_not_looked_for_there_again():
     search = Exact({}, [8.0], 500.0)
     far = RobotFit(("a",), np.array([7.0]), {}, -30.0)
     assert search._from_far(far) is far
+
+
+class Sprung(RobotSearch):
+    """A search in which much of a spring gains as given, by name; curves lead from 8 to 6."""
+
+    def __init__(self, there):
+        self.model = SimpleNamespace(
+            recentre=self._recentre, curves=SimpleNamespace(tries=lambda name: [1.0, 8.0])
+        )
+        self.sight = SimpleNamespace(inflation=lambda fit, name: 2.0)
+        self.which, self.there, self.at = [0], there, None
+
+    def _say(self, stage):
+        pass
+
+    def _recentre(self, settings, z, which):
+        self.at = tuple(settings)
+
+    def _fit(self, names, start, noise):
+        assert self.at == tuple(zip(names, start[-len(names) :], strict=True))
+        return RobotFit(names, np.append(start[:-1], 6.0), noise, np.nan)
+
+    def _replayed(self, found):
+        return replace(found, cost=-self.there.get(found.names[-1], 0.0))
+
+
+def test_much_of_a_spring_is_looked_for_though_nothing_promises_it():
+    search, now = Sprung({"joint_compliance@femur": 1.1 * NEEDED}), fit("tips@all", 0.0)
+    (small,) = gains(NEEDED)
+    some = search._with_springs([small], now, SPRINGS)
+    assert {gain.name for gain in some} == {small.name, "joint_compliance@femur"}
+    (spring,) = (gain for gain in some if gain.name != small.name)
+    assert spring.nats == pytest.approx(1.1 * NEEDED)
+    assert spring.fit.settings == (("tips@all", 0.0), ("joint_compliance@femur", 6.0))
+    assert search.at == now.settings  # replays are where the others are judged from
+
+
+def test_much_of_a_spring_takes_the_place_of_a_little_only_if_it_gains_more():
+    name, now = "joint_compliance@all", fit("", 0.0)
+    little = RobotGain(name, fit(name, 30.0), 30.0, 1.0, None)
+    for there, nats in ((20.0, 30.0), (40.0, 40.0)):
+        (gain,) = Sprung({name: there})._with_springs([little], now, frozenset({name}))
+        assert gain.nats == nats
+
+
+def test_a_spring_that_is_named_already_is_not_looked_for_again():
+    name = "joint_compliance@all"
+    assert Sprung({name: 99.0})._with_springs([], fit(name, 0.0), frozenset({name})) == []
 
 
 class Leading(RobotSearch):
