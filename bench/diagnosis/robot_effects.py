@@ -28,6 +28,7 @@ OUTSIDE = frozenset(
         "overload_shutdown",
         "read_skew",
         "thermal_derating",
+        "torque_droop",
         "zero_offset",
     }
 )

@@ -15,8 +15,9 @@ do. The shaft and its load belong
 * or to :func:`rollout`, which moves a load of one joint itself, in the same substeps. There the
   gear may be rigid: rotor and load are then one mass, which allows much longer steps.
 
-Motor: ``torque = k (duty V - ke w) / R``. With torque disabled the bridge is taken to be open: no
-current, no torque, friction stays (assumed). A duty of 0 with torque enabled brakes.
+Motor: ``torque = k i / (1 + droop |i|)`` with ``i = (duty V - ke w) / R``; the droop of most is
+0. With torque disabled the bridge is taken to be open: no current, no torque, friction stays
+(assumed). A duty of 0 with torque enabled brakes.
 
 Friction is a budget (Duclusaud et al., Extended Friction Models for the Physics Simulation of Servo
 Actuators, 2025): the friction that would stop the rotor within the step, limited by a level, so
@@ -91,7 +92,8 @@ WINDING_HEAT_RESISTANCE = 39  #: winding to case [K/W], 0 when both are one
 WINDING_HEAT_TIME = 40  #: its time constant [s]
 OVERLOAD_DUTY = 41  #: duty that counts as overload, above 1 is never
 OVERLOAD_TIME = 42  #: how long until the drive shuts down [s]
-PARAMS = 43
+TORQUE_DROOP = 43  #: how far torque falls behind the current as that grows [1/A]
+PARAMS = 44
 
 # --- commands: commands[field, servo]; see busemu.plant.DriveCommand
 ENABLED = 0  #: 0 or 1
@@ -174,6 +176,7 @@ class Train(NamedTuple):
     torque_constant: float
     back_emf: float
     current_cap: float
+    torque_droop: float
     coulomb: float
     viscous: float
     load_motor: float
@@ -210,6 +213,7 @@ def train(arrays: Arrays, i: int) -> Train:
         params[TORQUE_CONSTANT, i],
         params[BACK_EMF, i],
         params[CURRENT_CAP, i],
+        params[TORQUE_DROOP, i],
         params[COULOMB, i],
         params[VISCOUS, i],
         params[LOAD_MOTOR, i],
@@ -251,6 +255,12 @@ def motor_current(t: Train, speed: float) -> float:
     """Current of a motor at a rotor's velocity [A]."""
     current = t.closed * (t.volts - t.back_emf * speed) / t.resistance
     return float(min(t.current_cap, max(-t.current_cap, current)))
+
+
+@compiled
+def motor_torque(t: Train, current: float) -> float:
+    """Torque of a motor at a current, before friction [N m]."""
+    return float(t.torque_constant * current / (1.0 + t.torque_droop * abs(current)))
 
 
 @compiled
@@ -436,7 +446,7 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
         for j in range(substeps):
             load = gear_torque(t, angle - (outer + pace * j * dt), speed - pace)
             current = motor_current(t, speed)
-            motor = t.torque_constant * current
+            motor = motor_torque(t, current)
             level = friction_level(t, speed, motor, -load)
             stop = -(inertia * speed / dt + motor - load)
             friction = min(level, max(-level, stop))
@@ -578,7 +588,7 @@ def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
         for _ in range(substeps):
             outer = pull + slope * (shaft - tick_shaft)
             current = motor_current(t, speed)
-            motor = t.torque_constant * current
+            motor = motor_torque(t, current)
             load = -outer
             if not rigid:
                 load = gear_torque(t, angle - shaft, speed - pace)

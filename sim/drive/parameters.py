@@ -119,6 +119,7 @@ class DriveParameters:
     velocity_cap_rad_s: float = math.inf
     duty_cap: float = 1.0
     current_cap_a: float = math.inf
+    torque_droop_per_a: float = 0.0
     delay_s: float = 0.0
     zero_offset_rad: float = 0.0
     wave_rad: float = 0.0
@@ -133,7 +134,7 @@ class DriveParameters:
 
     def stall_torque_nm(self, voltage_v: float) -> float:
         """Largest torque the shaft can raise a load with at a voltage, cold."""
-        motor = self.torque_constant_nm_a * voltage_v / self.resistance_ohm
+        motor = self._motor_nm(voltage_v)
         return _torque_left(self.friction.level_nm, motor)
 
     def no_load_velocity_rad_s(self, voltage_v: float) -> float:
@@ -141,10 +142,15 @@ class DriveParameters:
 
         def surplus(velocity: float) -> float:
             emf = self.back_emf_v_s_rad * velocity
-            motor = self.torque_constant_nm_a * (voltage_v - emf) / self.resistance_ohm
+            motor = self._motor_nm(voltage_v - emf)
             return motor - self.friction.level_nm(velocity, motor, 0.0)
 
         return _root(surplus, 0.0, voltage_v / self.back_emf_v_s_rad)
+
+    def _motor_nm(self, across_v: float) -> float:
+        """Torque of the cold motor at a voltage, less its back-EMF, across the winding."""
+        current = across_v / self.resistance_ohm
+        return self.torque_constant_nm_a * current / (1.0 + self.torque_droop_per_a * abs(current))
 
     def check(self) -> str | None:
         """What contradicts the data sheet, or ``None``."""
@@ -197,6 +203,7 @@ _FIELDS = {
     "velocity_cap_rad_s": kernel.VELOCITY_CAP,
     "duty_cap": kernel.DUTY_CAP,
     "current_cap_a": kernel.CURRENT_CAP,
+    "torque_droop_per_a": kernel.TORQUE_DROOP,
     "delay_s": kernel.DELAY,
     "zero_offset_rad": kernel.ZERO_OFFSET,
     "wave_rad": kernel.WAVE,

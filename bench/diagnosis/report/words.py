@@ -42,6 +42,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "supply_voltage": "a supply of another voltage",
         "thermal_derating": "a motor that weakens as it warms",
         "torque_constant": "a motor of another strength",
+        "torque_droop": "a motor whose torque falls behind its current",
         "torque_limit": "a limit of the drive",
         "transport_delay": "commands that arrive late",
         "velocity_limit": "a limit of the speed",

@@ -175,6 +175,40 @@ def test_current_limit(duty: float) -> None:
     assert current == pytest.approx(wanted, rel=1e-4)
 
 
+@pytest.mark.parametrize("times", [0.1, 0.5, 1.0, -0.5])
+def test_torque_droop(times: float) -> None:
+    """Torque over current by its law, at a part of the stall current; as told at all of it."""
+    droop, stall_a = 0.4, plain_drive().data_sheet.stall_current_a
+    one = having("torque_droop", level(), droop=droop)
+    pushed = run(one, replay(pushing(times * stall_a / STALL_A), duration_s=0.01))
+    current, speed = pushed[1, kernel.OUT_CURRENT], pushed[1, kernel.OUT_VELOCITY]
+    # at the first tick the joint begins to move: the current is the mean, and hardly less
+    share = abs(current) / stall_a
+    torque = TORQUE_CONSTANT * current * (1.0 + droop) / (1.0 + droop * share)
+    assert speed * INERTIA / TICK_S == pytest.approx(torque, rel=1e-3)
+
+
+def test_a_motor_whose_torque_droops_stalls_as_its_data_sheet_says() -> None:
+    plain = base().joints[0].drive
+    drooping = effect("torque_droop").apply(base(), (), {"droop": 0.4}).joints[0].drive
+    sheet = plain.data_sheet
+    volts = sheet.stall_current_a * plain.resistance_ohm
+    assert drooping.stall_torque_nm(volts) == pytest.approx(plain.stall_torque_nm(volts))
+    less, more = 0.5 * volts, 2.0 * volts
+    assert drooping.stall_torque_nm(less) == pytest.approx(plain.stall_torque_nm(less) * 1.4 / 1.2)
+    assert drooping.stall_torque_nm(more) == pytest.approx(plain.stall_torque_nm(more) * 1.4 / 1.8)
+
+
+def test_droops_add_up() -> None:
+    once = effect("torque_droop").apply(base(), (), {"droop": 0.5})
+    twice = effect("torque_droop").apply(
+        effect("torque_droop").apply(base(), (), {"droop": 0.2}), (), {"droop": 0.3}
+    )
+    one, other = (robot.joints[0].drive for robot in (once, twice))
+    assert other.torque_constant_nm_a == pytest.approx(one.torque_constant_nm_a)
+    assert other.torque_droop_per_a == pytest.approx(one.torque_droop_per_a)
+
+
 @pytest.mark.parametrize("duty", [0.3, 1.0])
 def test_voltage_sag(duty: float) -> None:
     ohm = 0.8

@@ -36,6 +36,7 @@ MOVES: Mapping[str, set[str]] = {
     "torque_constant": {P, D},
     "back_emf": {P, D},
     "current_limit": {P, D},
+    "torque_droop": {P, D},
     "thermal_derating": {P, D},
     # controller: the duty itself, along the very same angles
     "dead_zone": {P, D, R},

@@ -146,11 +146,16 @@ def banked(drive: Any, told: Replay, load: Any) -> np.ndarray:
 
 @pytest.mark.parametrize("backlash_rad", [0.0, 0.01])
 @pytest.mark.parametrize("cable_nm_rad", [0.0, 0.3])
+@pytest.mark.parametrize("droop_per_a", [0.0, 2.0])
 def test_a_bank_with_an_engine_of_one_joint_moves_as_a_rollout(
-    backlash_rad: float, cable_nm_rad: float
+    backlash_rad: float, cable_nm_rad: float, droop_per_a: float
 ) -> None:
     drive = replace(
-        SOFT, backlash_rad=backlash_rad, cable_stiffness_nm_rad=cable_nm_rad, cable_rest_rad=0.7
+        SOFT,
+        backlash_rad=backlash_rad,
+        cable_stiffness_nm_rad=cable_nm_rad,
+        cable_rest_rad=0.7,
+        torque_droop_per_a=droop_per_a,
     )
     told = swinging(1.0)
     rolled = position(run(candidate(drive), told))
@@ -201,6 +206,7 @@ def test_a_controller_along_angles_knows_neither_motor_nor_load_nor_sensor() -> 
         zero_offset_rad=0.1,
         wave_rad=0.05,
         current_cap_a=0.1,
+        torque_droop_per_a=0.3,
     )
     elsewhere = candidate(other, pendulum(0.9), source_ohm=1.0, load_refresh_s=0.13)
     assert (regulated(elsewhere, told, angles) == plain).all()
