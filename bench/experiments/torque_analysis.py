@@ -25,11 +25,12 @@ from hal.legs import PARTS, Legs, quantity
 from ..recording import Recording
 from ..running import Session
 from .experiment import Choice, Progress, Trial
-from .motion import moving, observe, shutdown_registers
+from .motion import Motion, moving, observe, shutdown_registers
 from .position_error import TorqueSensor
 from .rigs import only_hexapods
 from .series import condition, cut_at_s, robot_of, samples, span_s
 from .torque_analysis_result import Course, TorqueAnalysis
+from .weighing import weigh
 
 #: Joint angles of the stance, and of the lifted legs [rad]; assumed: standing high, so that the
 #: foot of the extended tibia is not far above the other two.
@@ -38,6 +39,9 @@ LIFTED = {"femur": 1.3, "tibia": -1.2}
 #: Tibia of the supporting middle leg, extended [rad]. Assumed.
 EXTENDED_RAD = -0.2
 STAND_S, RISE_S, LIFT_S, SETTLE_S = 1.5, 1.0, 1.0, 0.5
+#: The robot is weighed as it sinks so far [m] and rises again, so long each way [s]. Assumed: slow,
+#: and ten times what turns friction around.
+SQUAT_M, SQUAT_S = 0.015, 2.0
 #: Slow: a twentieth of either servo's no-load speed or less.
 EXTEND_S = 8.0
 #: Time in the extended position [s]: more than the second after which a stalled servo shuts down.
@@ -54,7 +58,7 @@ class TorqueAnalysisExperiment:
     figures = "30, 34"
     description = (
         "On three legs, the tibia of the middle one extends slowly, at three trunk loads: joint "
-        "torques from joint data alone; an overloaded femur shuts down."
+        "torques, and the load, from joint data alone; an overloaded femur shuts down."
     )
 
     def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
@@ -67,7 +71,14 @@ class TorqueAnalysisExperiment:
                 name=f"{self.name}-load{number}-{repeat:02}",
                 repeat=repeat,
                 seed=choice.seed + repeat,
-                seconds=STAND_S + RISE_S + LIFT_S + SETTLE_S + EXTEND_S + HOLD_S + LOWER_S,
+                seconds=STAND_S
+                + RISE_S
+                + LIFT_S
+                + SETTLE_S
+                + 2.0 * SQUAT_S
+                + EXTEND_S
+                + HOLD_S
+                + LOWER_S,
                 trunk_load_kg=round(number * pack_kg, 6),
                 condition={
                     "leg": supporting[-1],
@@ -86,18 +97,19 @@ class TorqueAnalysisExperiment:
             if trial.trunk_load_kg
             else "Nothing but its own battery on the trunk."
         )
+        lifted, leg = ", ".join(trial.condition["lifted"]), trial.condition["leg"]
         return (
             f"Put the robot on its belly on a floor it does not slip on. {load} It will stand up, "
-            f"lift {', '.join(trial.condition['lifted'])} and stretch {trial.condition['leg']} "
-            "until that leg may give way: stay ready to catch it, and do not hold it."
+            f"lift {lifted}, sink and rise, and stretch {leg} until that leg may give way: stay "
+            "ready to catch it, and do not hold it."
         )
 
     def run(self, session: Session, trial: Trial, progress: Progress) -> Mapping[str, Any]:
-        """Stand up, lift three legs, extend one tibia, hold, and come down."""
+        """Stand up, lift three legs, sink and rise, extend one tibia, hold, and come down."""
         robot = session.robot
         supporting, lifted = trial.condition["supporting"], trial.condition["lifted"]
         leg = str(trial.condition["leg"])
-        gait = Gait.of(robot)
+        gait, legs = Gait.of(robot), Legs.of(robot)
         neutral = {
             "coxa": gait.neutral_coxa_rad,
             "femur": gait.neutral_femur_rad,
@@ -106,7 +118,9 @@ class TorqueAnalysisExperiment:
         rng = np.random.default_rng(trial.seed)
         watched = [f"{name}.{part}" for name in supporting for part in PARTS]
         slow = ("present_voltage", *shutdown_registers(robot))
-        observe(session, OBSERVE_S, {f"rig/{leg}.{part}_nm" for part in PARTS}.__contains__)
+        seen = {f"rig/{joint}_nm" for joint in watched}
+        seen |= {f"contact/{name}_n" for name in supporting}
+        observe(session, OBSERVE_S, seen.__contains__)
         with moving(session, watched, progress, slow) as motion:
             every = motion.control.joints
             motion.go({joint: neutral[joint.partition(".")[2]] for joint in every}, STAND_S)
@@ -114,6 +128,7 @@ class TorqueAnalysisExperiment:
             up = {f"{name}.{part}": rad for name in lifted for part, rad in LIFTED.items()}
             motion.go(up, LIFT_S)
             motion.hold(SETTLE_S + 0.1 * float(rng.uniform()))
+            weighing_s = _squat(motion, legs, supporting)
             began_s = motion.clock.now_s()
             seconds = EXTEND_S * float(rng.uniform(0.98, 1.02))
             motion.go({f"{leg}.tibia": EXTENDED_RAD}, seconds, smooth=False)
@@ -121,17 +136,24 @@ class TorqueAnalysisExperiment:
             ended_s = motion.clock.now_s()
             down = {f"{name}.{part}": neutral[part] for name in lifted for part in PARTS}
             motion.go({**down, f"{leg}.tibia": STANCE["tibia"]}, LOWER_S)
-        return {"extending_s": [began_s, ended_s]}
+        return {"weighing_s": list(weighing_s), "extending_s": [began_s, ended_s]}
 
     def evaluate(self, recordings: Sequence[Recording]) -> TorqueAnalysis:
-        """Torques of every recording; ``payload_kg`` and ``leg`` stand in their conditions."""
+        """Torques of every recording; ``payload_kg`` and ``leg`` stand in their conditions.
+
+        The load is recovered where ``supporting`` and ``weighing_s`` stand there, too.
+        """
         robot = robot_of(recordings, self.name)
         leg = str(condition(recordings[0], "leg"))
-        courses, others, volts = [], set(), []
+        courses, weighings, others, volts = [], [], set(), []
         sensor = None
         for recording in recordings:
             span = span_s(recording, "extending_s")
             load_kg = float(condition(recording, "payload_kg"))
+            if "weighing_s" in recording.metadata.get("condition", {}):
+                weighed = span_s(recording, "weighing_s")
+                legs = [str(name) for name in condition(recording, "supporting")]
+                weighings.append(weigh(recording, robot, legs, weighed, load_kg))
             for part in PARTS:
                 joint = f"{leg}.{part}"
                 sensor = TorqueSensor.of_recording(recording, robot, joint)
@@ -172,6 +194,7 @@ class TorqueAnalysisExperiment:
             stall_nm=sensor.stall_nm,
             stall_at_nm=sensor.stall_at_nm(float(np.median(volts))),
             courses=tuple(courses),
+            weighings=tuple(weighings),
             others_shut_down=tuple(sorted(others)),
         )
 
@@ -188,3 +211,18 @@ def _tripods(robot: Robot) -> tuple[tuple[str, ...], tuple[str, ...]]:
     standing, lifted = tripods(legs)
     from_middle = dict(zip(legs.names, np.abs(legs.hips_m[:, 1]).tolist(), strict=True))
     return tuple(sorted(standing, key=lambda name: -from_middle[name])), lifted
+
+
+def _squat(motion: Motion, legs: Legs, supporting: Sequence[str]) -> tuple[float, float]:
+    """Sink and rise on the supporting legs, feet in their places; from when to when [s].
+
+    Every joint that carries turns both ways, so that friction is known: it is against the motion.
+    """
+    high = legs.stretched(STANCE["coxa"], STANCE["femur"], STANCE["tibia"])
+    low = legs.angles_rad(legs.feet_m(high) + np.array((0.0, 0.0, SQUAT_M)))
+    began_s = motion.clock.now_s()
+    for angles_rad in (low, high):
+        goals = dict(zip(legs.joints, angles_rad.ravel().tolist(), strict=True))
+        there = {joint: rad for joint, rad in goals.items() if joint.split(".")[0] in supporting}
+        motion.go(there, SQUAT_S, smooth=False)
+    return began_s, motion.clock.now_s()

@@ -14,6 +14,7 @@ from hal.legs import PARTS
 from .experiment import RAW_DATA, Comparison
 from .motion import SLOW_EVERY_S
 from .series import Floats, rms
+from .weighing import DUTY, PAST_FRICTION, Weighing
 
 #: A shutdown is seen so long after it at most [s]: its register is read at this pace.
 SEEN_LATE_S = 1.5 * SLOW_EVERY_S
@@ -52,6 +53,7 @@ class TorqueAnalysis:
     stall_nm: float  #: of the data sheet
     stall_at_nm: float  #: of the drive at the voltage measured
     courses: tuple[Course, ...]
+    weighings: tuple[Weighing, ...]  #: a recording each, where it can be weighed
     others_shut_down: tuple[str, ...]  #: joints of the other two supporting legs that shut down
 
     def of(self, part: str, load_kg: float) -> list[Course]:
@@ -79,6 +81,14 @@ class TorqueAnalysis:
         """In how many repeats at one load the femur shut down."""
         return sum(not math.isnan(c.shut_down_s) for c in self.of("femur", load_kg))
 
+    def weighed(self, load_kg: float) -> list[Weighing]:
+        """Weighings at one load, a repeat each."""
+        return [w for w in self.weighings if w.true_load_kg == load_kg]
+
+    def recovered_kg(self, load_kg: float, how: str) -> float:
+        """The load by torques told in one way (:data:`.weighing.DUTY`, ...): mean over repeats."""
+        return float(np.mean([w.mean_kg(how) for w in self.weighed(load_kg)]))
+
     def numbers(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
         table = []
@@ -104,7 +114,32 @@ class TorqueAnalysis:
             "stall_torque_nm": self.stall_nm,
             "stall_torque_at_supply_nm": self.stall_at_nm,
             "loads": table,
+            "weighing": [self._weighing(kg) for kg in self.loads_kg if self.weighed(kg)],
             "others_shut_down": list(self.others_shut_down),
+        }
+
+    def _weighing(self, load_kg: float) -> dict[str, Any]:
+        """The load recovered, beside the true one."""
+        every = self.weighed(load_kg)
+        return {
+            "true_load_kg": load_kg,
+            "own_mass_kg": every[0].own_kg,
+            "repeats": len(every),
+            "load": {
+                how: {
+                    "recovered_kg": self.recovered_kg(load_kg, how),
+                    "error_kg": self.recovered_kg(load_kg, how) - load_kg,
+                    "between_repeats_kg": float(np.std([w.mean_kg(how) for w in every])),
+                }
+                for how in every[0].load_kg
+            },
+            "rmse_of_stall": {
+                how: {
+                    joint: float(np.mean([w.rmse_nm[how][joint] for w in every])) / self.stall_nm
+                    for joint in every[0].rmse_nm[how]
+                }
+                for how in (DUTY, PAST_FRICTION)
+            },
         }
 
     def comparisons(self) -> tuple[Comparison, ...]:
@@ -149,6 +184,13 @@ class TorqueAnalysis:
                 f"+{kg:.3f} kg: femur of {self.leg} to {peak_nm:.3f} N m, "
                 f"{peak_nm / self.stall_at_nm:.0%} of the stall torque at its voltage; it {what}"
             )
+        for kg in self.loads_kg:
+            if self.weighed(kg):
+                weighed_kg = self.recovered_kg(kg, PAST_FRICTION)
+                found.append(
+                    f"+{kg:.3f} kg on the trunk: {weighed_kg:+.3f} kg by what three feet carry, "
+                    f"from joint data alone; {(weighed_kg - kg) * 1e3:+.0f} g off"
+                )
         if self.others_shut_down:
             found.append(f"shut down as well: {', '.join(self.others_shut_down)}")
         return tuple(found)

@@ -1,4 +1,4 @@
-"""Torque analysis: four panels over time, the tibia's motion and the torques of three joints."""
+"""Torque analysis: the tibia's motion, the torques of three joints, and the load recovered."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from matplotlib.lines import Line2D
 from bench.figures.style import GOAL, INK, MEASURED, MODELLED, START, STOP, styled
 from busemu.wording import amount
 
+from ..weighing import DUTY, PAST_FRICTION
+
 if TYPE_CHECKING:
     from ..torque_analysis_result import TorqueAnalysis
 
@@ -20,9 +22,24 @@ LOAD_COLOURS = (START, MEASURED, MODELLED)
 
 @styled
 def torque_analysis_figure(result: TorqueAnalysis) -> Figure:
-    """A thin line a repeat from the position error, a broad one a load for the true torque."""
-    figure = Figure(figsize=(9.6, 6.8), layout="constrained")
-    grid = figure.subplots(2, 2, sharex=True)
+    """A thin line a repeat from the position error, a broad one a load for the true torque.
+
+    A fifth panel, right of the thesis's four, where the robot was weighed.
+    """
+    weighed = bool(result.weighings)
+    figure = Figure(figsize=(13.2 if weighed else 9.6, 6.8), layout="constrained")
+    cells = figure.add_gridspec(2, 3 if weighed else 2)
+    first = figure.add_subplot(cells[0, 0])
+    grid = np.array(
+        [
+            [first, figure.add_subplot(cells[0, 1], sharex=first)],
+            [figure.add_subplot(cells[1, at], sharex=first) for at in (0, 1)],
+        ]
+    )
+    for axes in grid[0]:
+        axes.tick_params(labelbottom=False)
+    if weighed:
+        _load(figure.add_subplot(cells[:, 2]), result)
     figure.suptitle(
         f"Torque analysis: {result.robot}, {result.leg} extends its tibia, "
         f"{amount(result.repeats, 'repeat')} a load",
@@ -73,6 +90,25 @@ def _torque(axes: Axes, result: TorqueAnalysis, part: str) -> None:
                 )  # fmt: skip
     axes.set_title(part)
     axes.set_ylabel("torque [N m]")
+
+
+def _load(axes: Axes, result: TorqueAnalysis) -> None:
+    known = [load_kg * 1e3 for load_kg in result.loads_kg]
+    ends = min(known), max(known)
+    axes.plot(ends, ends, color=GOAL, linewidth=2.4, alpha=0.5, label="true load")
+    ways = ((DUTY, "o", "none", "duty x stall"), (PAST_FRICTION, "o", "full", "and friction"))
+    for how, marker, fill, label in ways:
+        for load_kg, colour in zip(result.loads_kg, LOAD_COLOURS, strict=False):
+            every = [w.mean_kg(how) * 1e3 for w in result.weighed(load_kg)]
+            axes.plot(
+                [load_kg * 1e3] * len(every), every, marker, color=colour, markersize=6,
+                fillstyle=fill, alpha=0.8,
+            )  # fmt: skip
+        axes.plot([], [], marker, color=INK, markersize=6, fillstyle=fill, label=label)
+    axes.set_title("load on the trunk, by what the feet carry")
+    axes.set_xlabel("true load [g]")
+    axes.set_ylabel("load from joint data [g]")
+    axes.legend(loc="upper left")
 
 
 def _legend(figure: Figure, result: TorqueAnalysis) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from experiment_runs import campaign, ran
 
 from bench.experiments import EXPERIMENTS
+from bench.experiments.experiment import ExperimentError
 from bench.experiments.position_error import TorqueSensor
+from bench.experiments.weighing import DUTY, PAST_FRICTION, TRUE
 
 
 @pytest.fixture(scope="module", params=["marvin", "phantomx"])
@@ -71,8 +75,55 @@ def test_stands_on_three_legs(analysed):
     assert not set(condition["supporting"]) & set(condition["lifted"])
 
 
-def test_the_figure_has_four_panels(analysed):
+def test_feet_carry_the_load_when_torques_are_true(analysed):
+    _, result = analysed
+    for load_kg in result.loads_kg:
+        assert result.recovered_kg(load_kg, TRUE) == pytest.approx(load_kg, abs=0.002)
+
+
+def test_the_load_comes_out_of_joint_data_within_two_percent_of_the_weight(analysed):
+    _, result = analysed
+    for load_kg in result.loads_kg:
+        (weighed,) = result.weighed(load_kg)
+        error = abs(result.recovered_kg(load_kg, PAST_FRICTION) - load_kg)
+        assert error < 0.02 * (weighed.own_kg + load_kg)
+        assert error < abs(result.recovered_kg(load_kg, DUTY) - load_kg)
+
+
+def test_the_load_is_among_the_numbers_with_the_error_of_every_joint(analysed):
+    _, result = analysed
+    for numbers, load_kg in zip(result.numbers()["weighing"], result.loads_kg, strict=True):
+        assert numbers["true_load_kg"] == load_kg
+        errors = numbers["rmse_of_stall"][PAST_FRICTION]
+        assert len(errors) == 9
+        assert 0.0 < max(errors.values()) < 0.06
+
+
+def _said(recording, **condition):
+    facts = {**recording.metadata["condition"], **condition}
+    kept = {key: value for key, value in facts.items() if value is not None}
+    return dataclasses.replace(recording, metadata={**recording.metadata, "condition": kept})
+
+
+def test_recordings_that_tell_no_span_are_not_weighed(analysed):
+    recordings, _ = analysed
+    experiment = EXPERIMENTS["torque-analysis"]
+    result = experiment.evaluate([_said(each, weighing_s=None) for each in recordings])
+    assert result.weighings == ()
+    assert result.numbers()["weighing"] == []
+    assert len(experiment.draw(result).axes) == 4
+
+
+def test_three_legs_must_be_named_to_weigh_on(analysed):
+    recordings, _ = analysed
+    two = [_said(each, supporting=["leg1", "leg6"]) for each in recordings]
+    with pytest.raises(ExperimentError, match=r"supporting.*must name 3 legs"):
+        EXPERIMENTS["torque-analysis"].evaluate(two)
+
+
+def test_the_figure_has_the_thesiss_four_panels_and_the_load(analysed):
     _, result = analysed
     figure = EXPERIMENTS["torque-analysis"].draw(result)
     titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles == ["tibia: the motion (grey: goal)", "coxa", "femur", "tibia"]
+    motion, load = "tibia: the motion (grey: goal)", "load on the trunk, by what the feet carry"
+    assert sorted(titles) == sorted([motion, "coxa", "femur", "tibia", load])
