@@ -121,13 +121,14 @@ def diagnose_joint(
     pushed = None if PLAY in after.hypothesis.effects else play(observed)
     if pushed is not None and PLAY in effects:
         causes.append(play_cause(pushed, observed[0].joint, after.noise[Kind.POSITION].total))
-    rejected += () if watch.late else supply_contradiction(model, after, tell)
     tell("looking at what is left")
     left = block_rms(judge.residuals(after.hypothesis, [after.z])[0], Kind.POSITION)
     rest = rest_of(model, judge, after, floor, seed)
     unnamed = any(cause.effect not in seen for cause in in_data)
     structured = unnamed or rest.structured
     verdict = verdict_of(bool(causes), structured)
+    if verdict != "consistent" and not watch.late:
+        rejected += supply_contradiction(model, after, tell)
     judged_before = judge.residuals(Hypothesis(), [before.z])[0]
     diagnosis = Diagnosis(
         verdict=verdict,
