@@ -102,7 +102,8 @@ def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], 
     """Where what is named moves a robot, as ``diagnosis.json`` has it, the largest share first.
 
     ``by`` is how far it moves the rows of recordings. That it is there at all is shown by all of
-    them together: where no place tells it alone, all are told, and ``p_value`` may be any.
+    them together, so that a place is told whether or not it would show it alone: ``p_value`` may be
+    any. Told by that, what is spread over a gait would seem to be where feet press alone.
     """
     places = Places(model, by)
     rows = []
@@ -111,5 +112,4 @@ def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], 
         row = places.row([k for k in keys if places.level(k) >= LEAST * most])
         if row["share"] >= WORTH:
             rows.append(row)
-    telling = [row for row in rows if row["p_value"] < SIGNIFICANT]
-    return tuple(sorted(telling or rows, key=lambda row: -float(row["share"])))
+    return tuple(sorted(rows, key=lambda row: -float(row["share"])))

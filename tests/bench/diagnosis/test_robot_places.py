@@ -88,10 +88,12 @@ def test_joints_that_a_named_effect_hardly_moves_are_not_told():
     assert len(place["joints"]) == 3
 
 
-def test_of_places_that_a_named_effect_moves_those_that_tell_it_alone_are_told():
+def test_places_are_told_by_their_share_of_what_a_named_effect_moves():
     much = 4.0 * NOISE_RAD * (rows_of(["leg2.tibia"]) & ~STANCE)
     little = NOISE_RAD * (rows_of(["leg1.femur"]) & STANCE)
-    (place,) = shifted(much + little)
-    assert place["joints"] == ["leg2.tibia"]
-    first, second = shifted(much + 3.0 * little)
+    first, second = shifted(much + little)
     assert (first["joints"], second["joints"]) == (["leg2.tibia"], ["leg1.femur"])
+    assert first["p_value"] < 1e-6
+    assert second["p_value"] == pytest.approx(1.0)
+    (place,) = shifted(much + 0.4 * little)
+    assert place["joints"] == ["leg2.tibia"]
