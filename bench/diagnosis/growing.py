@@ -26,7 +26,7 @@ from .search import (
     score_outside,
     screen,
 )
-from .valleys import DEEPER, explore
+from .valleys import DEEPER, afresh, explore
 from .watch import OutOfTimeError
 
 SURE, CONFIRMED = 3, 6  #: how many of the screened effects are fitted in a step, at least, at most
@@ -173,7 +173,8 @@ def further(model: JointModel, base: Fit, gains: Sequence[Gain], say: Progress) 
         deeper = gain.fit
         if place < EXPLORED and gain.deflated > NEEDED / 2.0:
             say(f"fitting {gain.effect} further")
-            deeper = explore(model, gain.fit, gain.effect)
+            deeper = afresh(model, base, gain.fit, gain.effect)
+            deeper = explore(model, deeper, gain.effect)
         found.append(replace(gain, fit=deeper).over(model, base))
     return ranked(found)
 

@@ -1,22 +1,34 @@
-"""Out of the first hollow: fits of effects whose numbers make up for each other.
+"""Out of the first hollow: fits whose numbers make up for each other.
 
 Numbers like a heat resistance and its time constant, or a spring and where it rests, lie in a long,
 bent and rough valley, in which least squares stop early. So each number that shapes an effect is
 moved by hand and held while the others are fitted; if that leads further down, the fit goes on
 from there.
+
+Nuisances that have strayed far stand in for what a hypothesis lacks, and a fit of the effect that
+it lacked begins among them: with both there are two causes for one misfit, in a valley that is not
+the deepest. So it is begun once more where all nuisances are as believed.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from sim.effects import catalogue
+
 from .fit import Fit, fit
+from .knobs import WITHIN
 from .model import JointModel
+from .search import screen
 
 MOVES = (-0.7, 0.7)  #: in units of a shape; of the value, for a number that is an amount
 LOOSE = 0.1  #: least of these units for an amount
 DEEPER = 3.0  #: gain [nats] that counts: friction and rounding leave the likelihood rough
 WALKS = 4  #: how often the best move is followed
+STRAYED = 0.9 * WITHIN  #: deviations of a nuisance that stands in for something else
+ROUNDS = 3  #: of fitting and estimating the noise, as where an effect is confirmed
 
 
 def explore(model: JointModel, found: Fit, effect: str) -> Fit:
@@ -44,3 +56,22 @@ def explore(model: JointModel, found: Fit, effect: str) -> Fit:
             break
         found = fit(model, best.hypothesis, best.z, best.noise)
     return found
+
+
+def afresh(model: JointModel, base: Fit, found: Fit, effect: str) -> Fit:
+    """The fit of an effect over ``base``, or a deeper one begun from nuisances as believed.
+
+    Only where those of ``base``, from which it was begun, have strayed far.
+    """
+    count = len(model.nuisances)
+    if not strayed(model, base):
+        return found
+    z = np.concatenate([np.zeros(count), base.z[count:]])
+    ((_, _, start),) = screen(model, replace(base, z=z), [catalogue()[effect]])
+    again = fit(model, found.hypothesis, start, found.noise, rounds=ROUNDS)
+    return again if again.cost < found.cost - DEEPER else found
+
+
+def strayed(model: JointModel, found: Fit) -> bool:
+    """Whether any nuisance of a fit is about as far off as a tolerance reaches."""
+    return bool((np.abs(found.z[: len(model.nuisances)]) > STRAYED).any())

@@ -1,12 +1,13 @@
 """Intervals, fits that leave their first hollow, and what speaks against a name."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
-from bench.diagnosis import intervals
+from bench.diagnosis import intervals, valleys
 from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
 from bench.diagnosis.intervals import REACH, Spread, _inverse, estimates, interval
@@ -25,7 +26,7 @@ from bench.diagnosis.settling import (
     _unsure,
     explained,
 )
-from bench.diagnosis.valleys import explore
+from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, explore, strayed
 from bench.diagnosis.veto import objection
 from sim.effects import effect
 
@@ -65,6 +66,40 @@ def test_a_fit_in_a_wrong_hollow_finds_its_way_out(cable):
 def test_an_effect_of_one_number_is_left_as_it_is():
     model, found = fitted("gain_error", {"scale": 1.3}, [3.0])
     assert explore(model, found, "gain_error") is found
+
+
+@pytest.fixture(scope="module")
+def rubbing():
+    """Friction that grows with load, and the best fit without it: nuisances have strayed."""
+    model = model_of(logs({"load_friction": {"ratio": 0.4}}))
+    base = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    assert strayed(model, base)
+    return model, base
+
+
+def test_a_fit_begun_where_nuisances_have_strayed_is_begun_afresh(rubbing):
+    model, base = rubbing
+    knobs = effect_knobs(effect("load_friction"))
+    among = np.append(base.z, 0.1)
+    stuck = fit(model, Hypothesis(knobs), among, base.noise, rounds=1, evaluations=1)
+    out = afresh(model, base, stuck, "load_friction")
+    assert out.cost < stuck.cost - DEEPER
+    assert knobs[0].value(float(out.z[-1])) == pytest.approx(0.4, rel=0.05)
+    assert not strayed(model, out)
+
+
+def test_a_fit_that_is_deeper_than_one_begun_afresh_is_kept(rubbing):
+    model, base = rubbing
+    found = fit(model, Hypothesis(effect_knobs(effect("load_friction"))), np.append(base.z, 1.0))
+    deep = replace(found, cost=found.cost - 100.0)
+    assert afresh(model, base, deep, "load_friction") is deep
+
+
+def test_nothing_is_begun_afresh_where_nuisances_are_about_as_believed(rubbing, monkeypatch):
+    model, base = rubbing
+    near = replace(base, z=0.5 * STRAYED * np.sign(base.z))
+    monkeypatch.setattr(valleys, "fit", None)
+    assert afresh(model, near, base, "load_friction") is base
 
 
 def test_intervals_hold_the_truth(cable):
@@ -213,7 +248,7 @@ def test_a_size_that_may_as_well_be_nothing_is_no_name(ratio, unsure):
 
 @pytest.mark.parametrize(
     ("there", "spoilt", "harmful"),
-    [(0.3, SPOILT, False), (0.0, SPOILT, True), (0.0, 2.0, False)],
+    [(0.3, SPOILT, False), (0.0, SPOILT, True), (0.0, 4.0, False)],
 )
 def test_a_name_that_spoils_other_recordings_is_taken_back(there, spoilt, harmful, monkeypatch):
     monkeypatch.setattr("bench.diagnosis.settling.SPOILT", spoilt)
