@@ -4,6 +4,11 @@ Nuisances that are the robot's (friction level, strength of the motor, ...) are 
 effect of the same kind. Those that are not (tilt of the stand, the weight that hung on it) go back
 to what was believed, and the rest goes where it is then likeliest: a fit holds as a whole, and half
 of two numbers that balance each other would be worse than neither.
+
+What is likeliest is a question of what is noise. Where something structured is left, noise with a
+memory takes most of it up, and numbers that follow the motion less closely cost nothing: such a fit
+tells causes apart, and foretells badly. There the last fit is least squares over the positions,
+with the numbers of the named effects free as well.
 """
 
 from __future__ import annotations
@@ -22,14 +27,20 @@ from busemu.tables import Robot
 from sim.effects import Effect, Parameter, Scope, effect
 from sim.model import Addition, Estimate, with_additions
 
-from .fit import bounds, estimate_noise, least_squares
+from .fit import block_rms, bounds, estimate_noise, least_squares
 from .joint import JointFindings
 from .knobs import Nuisance
+from .model import Blocks, Kind
+from .noise import Noise
 
 Floats = NDArray[np.float64]
 
 SHARED = (Scope.ROBOT, Scope.BUS)  #: scopes of what an arm has once
 ROUNDS, STEPS = 2, 4  #: of least squares, from a fit whose other numbers are where they belong
+FORETELLING = 6  #: of these rounds where positions are foretold: what was likely may be far off
+LEFT = frozenset(
+    {"partly_explained", "unexplained"}
+)  #: verdicts where something structured is left
 #: nuisances as effects: the effect and its parameter
 PLACES = {
     "torque_constant": ("torque_constant", "scale"),
@@ -55,13 +66,21 @@ def additions(findings: Sequence[JointFindings], on: date) -> list[Addition]:
         names = sorted({o.group for o in found.model.observed})
         told = f"fitted to recordings {', '.join(names)}; {on.isoformat()}"
         joint = found.model.observed[0].joint
-        made += _nuisances(found, joint, told, once)
+        vector = carried(found, once)
+        if foretold(found):
+            told += "; least squares over positions, as something is left that is not explained"
+        made += _nuisances(found, vector, joint, told)
+        moved = _moved(found, vector, told)
         for cause in found.diagnosis.causes:
             if cause.effect not in found.after.hypothesis.effects and cause.probability < 0.5:
                 continue  # seen in the data, and as likely something else
             estimates = {
-                name: Estimate(e.value, told, e.ci95)
+                name: moved.get((cause.effect, name), Estimate(e.value, told, e.ci95))
                 for name, e in cause.parameters.items()
+            }
+            estimates = {
+                name: e
+                for name, e in estimates.items()
                 if e.value != effect(cause.effect).off[name]
             }
             made.append(Addition(effect(cause.effect), _where(cause.effect, joint), estimates))
@@ -118,16 +137,23 @@ def _once(findings: Sequence[JointFindings]) -> Mapping[str, float]:
     return {name: statistics.median(some) for name, some in values.items()}
 
 
+def foretold(found: JointFindings) -> bool:
+    """Whether the better model is fitted to foretell positions: something structured is left."""
+    return found.diagnosis.verdict in LEFT
+
+
 def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
     """The fitted vector with only what a robot file can carry, at its likeliest.
 
     ``once`` are nuisances whose value is given [deviations]; in an arm (it is not empty) a link's
-    mass is not the joint's own. Parameters of effects stay as they are.
+    mass is not the joint's own. Parameters of effects stay as they are, unless positions are to be
+    foretold.
     """
     z = found.after.z.copy()
     low, high = bounds(found.model, found.after.hypothesis)
     count = len(found.model.nuisances)
-    low[count:] = high[count:] = z[count:]
+    if not foretold(found):
+        low[count:] = high[count:] = z[count:]
     for k, nuisance in enumerate(found.model.nuisances):
         ends = (0.0, 0.0)
         if nuisance.name in once:
@@ -138,25 +164,30 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
             ends = ((known.low - known.off) / slope, (known.high - known.off) / slope)
         low[k], high[k] = np.clip(ends, low[k], high[k])
     start = np.clip(z, low, high)
-    if (start == z).all():
+    if (start == z).all() and not foretold(found):
         return start
     return _settled(found, start, low, high)
 
 
 def _settled(found: JointFindings, z: Floats, low: Floats, high: Floats) -> Floats:
-    """Least squares within bounds, from a fit that had other ones."""
+    """Least squares within bounds, from a fit that had other ones or another noise."""
     model, hypothesis = found.model, found.after.hypothesis
-    for _ in range(ROUNDS):
-        noise = estimate_noise(model, model.residuals(hypothesis, [z])[0], found.after.noise)
+    for _ in range(FORETELLING if foretold(found) else ROUNDS):
+        blocks = model.residuals(hypothesis, [z])[0]
+        noise = estimate_noise(model, blocks, found.after.noise)
+        if foretold(found):
+            noise[Kind.POSITION] = _white(blocks)
         z = least_squares(model, hypothesis, z, noise, None, (low, high), STEPS)
     return z
 
 
-def _nuisances(
-    found: JointFindings, joint: str, told: str, once: Mapping[str, float]
-) -> list[Addition]:
+def _white(blocks: Blocks) -> Noise:
+    """Noise without a memory, as large as the positions' residuals are."""
+    return Noise(block_rms(blocks, Kind.POSITION), 0.0, 1.0)
+
+
+def _nuisances(found: JointFindings, vector: Floats, joint: str, told: str) -> list[Addition]:
     made = []
-    vector = carried(found, once)
     for nuisance, z in zip(found.model.nuisances, vector.tolist(), strict=False):
         if nuisance.name not in PLACES or z == 0.0:
             continue
@@ -167,6 +198,17 @@ def _nuisances(
             estimate = Estimate(value, f"nuisance {nuisance.name}; {told}")
             made.append(Addition(there, _where(there.name, joint), {parameter.name: estimate}))
     return made
+
+
+def _moved(found: JointFindings, vector: Floats, told: str) -> dict[tuple[str, str], Estimate]:
+    """Numbers of effects that are not where the diagnosis has them, by effect and parameter."""
+    count = len(found.model.nuisances)
+    pairs = zip(found.after.z[count:].tolist(), vector[count:].tolist(), strict=True)
+    return {
+        (knob.effect, knob.parameter.name): Estimate(knob.value(now), told)
+        for knob, (before, now) in zip(found.after.hypothesis.knobs, pairs, strict=True)
+        if now != before
+    }
 
 
 def _where(name: str, joint: str) -> tuple[str, ...]:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, access, logs, model_of, robot
 
-from bench.diagnosis.fit import Fit, block_rms, estimate_noise
+from bench.diagnosis.fit import Fit, block_rms, estimate_noise, fit
 from bench.diagnosis.improved import write_improved
 from bench.diagnosis.joint import diagnose_joint
 from bench.diagnosis.knobs import FARTHEST, NUISANCES, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.next_experiment import GAINS, menu, next_experiments
 from bench.diagnosis.observed import observe
-from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES
+from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES, Cause, Estimate
 from bench.diagnosis.running import diagnose, split, write
 from bench.motions import MOTIONS as MENU
 from bench.recording import Recording
@@ -194,7 +194,7 @@ def loaded_with(name, z, path, condition=CONDITION):
     vector = np.zeros(len(model.nuisances))
     vector[[n.name for n in model.nuisances].index(name)] = z
     after = Fit(Hypothesis(), vector, {}, 0.0)
-    diagnosis = SimpleNamespace(causes=())
+    diagnosis = SimpleNamespace(causes=(), verdict="consistent")
     found = SimpleNamespace(model=model, after=after, diagnosis=diagnosis)
     return model, vector, loaded([found], path)[1]
 
@@ -228,6 +228,39 @@ def test_a_nuisance_that_is_the_robots_is_in_the_better_model(name, z, tmp_path)
         if key[1] is Kind.POSITION:
             assert moved > 0.0
         assert np.abs(got[key].value - block.value).max() <= 0.01 * moved
+
+
+@pytest.fixture(scope="module")
+def half():
+    """A fit that has one effect of two: what is left is structured."""
+    planted = {"load_friction": {"ratio": 0.4}, "dead_zone": {"margin_rad": MARGIN_RAD}}
+    model = model_of(logs(planted))
+    hypothesis = Hypothesis(effect_knobs(effect("dead_zone")))
+    return model, fit(model, hypothesis, np.append(np.zeros(len(model.nuisances)), 1.0))
+
+
+def better_of(half, verdict, path):
+    """What is left of the positions with the model that was written, and the effect in it."""
+    model, after = half
+    number = Estimate(0.01, (0.0, 0.02), "rad")
+    cause = Cause("dead_zone", (JOINT,), {"margin_rad": number}, 9.0, 0.5, 0.9, ())
+    diagnosis = SimpleNamespace(causes=(cause,), verdict=verdict)
+    better, again = loaded([SimpleNamespace(model=model, after=after, diagnosis=diagnosis)], path)
+    (told,) = [e for e in better.document["effect"] if e["name"] == "dead_zone"]
+    none = np.zeros(len(again.nuisances))
+    return residual(again, Hypothesis(), none), told["parameters"]["margin_rad"]
+
+
+def test_where_something_is_left_the_better_model_foretells_best(half, tmp_path):
+    """Least squares over the positions, with the effect's number free, which has no interval."""
+    likely, told = better_of(half, "explained", tmp_path / "likely.toml")
+    assert (told["value"], told["ci95"]) == (0.01, [0.0, 0.02])
+    for verdict in ("partly_explained", "unexplained"):
+        least, told = better_of(half, verdict, tmp_path / "least.toml")
+        assert least < 0.97 * likely
+        assert least < 0.97 * residual(half[0], half[1].hypothesis, half[1].z)
+        assert "ci95" not in told
+        assert "least squares" in told["source"]
 
 
 # --- the next experiment
