@@ -37,8 +37,8 @@ def held(one, period_s):
 
 
 def test_a_new_value_of_a_held_register_was_made_at_some_time_since_the_read_before():
-    one = held(*seen("fast"), 0.0371)
-    model = JointModel(read_model(robot()), robot(), [one], load_refresh_s=0.0371)
+    one = held(*seen("fast"), 0.0293)
+    model = JointModel(read_model(robot()), robot(), [one], load_refresh_s=0.0293)
     z = np.zeros(len(model.nuisances))
     block = model.residuals(Hypothesis(), [z])[0][0, Kind.DUTY]
     law = model.law(Hypothesis(), z, 0, STEP_S)
