@@ -180,13 +180,13 @@ class Batch:
         self, candidates: Sequence[Candidate], replays: Sequence[int]
     ) -> tuple[Arrays, Array, Jobs]:
         count = len(candidates)
-        arrays = Arrays(
-            np.stack([c.drive for c in candidates], axis=1),
-            np.zeros((kernel.STATES, count)),
-            np.stack([self.replays[r].start for r in replays], axis=1),
-            np.array([[c.voltage_v for c in candidates], [c.source_ohm for c in candidates]]),
+        arrays = Arrays(  # transposed, so that what one job looks at lies together in memory
+            np.stack([c.drive for c in candidates]).T,
+            np.zeros((count, kernel.STATES)).T,
+            np.stack([self.replays[r].start for r in replays]).T,
+            np.array([[c.voltage_v, c.source_ohm] for c in candidates]).T,
         )
-        loads = np.zeros((kernel.LOADS, count))
+        loads = np.zeros((count, kernel.LOADS)).T
         for j, (c, r) in enumerate(zip(candidates, replays, strict=True)):
             replay = self.replays[r]
             loads[kernel.LOAD_INERTIA, j] = c.load.inertia_kg_m2

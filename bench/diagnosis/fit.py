@@ -314,13 +314,20 @@ def least_squares(
             for b, v in zip(found, vectors, strict=True)
         ]
 
-    z, damping = start, 1e-2
-    now = costs([z])[0]
-    for _ in range(evaluations):
+    def equations(z: Floats) -> tuple[Floats, Floats]:
         residual, jacobian = linearise(model, hypothesis, z, noise, which)
         weight = huber_weight(residual)
         normal = (jacobian * weight[:, None]).T @ jacobian + np.diag(prior)
-        slope = jacobian.T @ (weight * residual) + prior * z
+        return normal, jacobian.T @ (weight * residual) + prior * z
+
+    z, damping = start, 1e-2
+    now = costs([z])[0]
+    normal, slope = equations(z)
+    moved = False
+    for _ in range(evaluations):
+        if moved:
+            normal, slope = equations(z)
+            moved = False
         scale = np.maximum(np.diag(normal), 1e-9)
         tried, factors = [], []
         for factor in DAMPINGS:
@@ -342,7 +349,7 @@ def least_squares(
                 break
             continue
         gained, now = now - values[best], values[best]
-        z = tried[best]
+        z, moved = tried[best], True
         damping = max(1e-6, damping * factors[best])
         if gained < ENOUGH:
             break

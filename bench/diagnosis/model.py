@@ -38,6 +38,8 @@ Floats = NDArray[np.float64]
 
 RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
+LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again for one it has tried
+WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
 TURNING = frozenset({"gain", "read_skew"})
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
@@ -123,6 +125,7 @@ class JointModel:
             n for n, e in catalogue().items() if e.enters == "controller"
         } | TURNING
         self._made: dict[object, Candidate] = {}
+        self._latest: dict[object, Blocks] = {}
         self._arm_loads: dict[object, Load] = {}
         self.rollouts = 0  #: how many were run so far
 
@@ -199,6 +202,23 @@ class JointModel:
     ) -> list[Blocks]:
         """Residual blocks (recorded less modelled) of some recordings, for every vector."""
         which = list(range(len(self.observed)) if which is None else which)
+        keys = [(hypothesis.knobs, z.tobytes(), tuple(which), tuple(kinds)) for z in vectors]
+        latest = {key: self._latest[key] for key in keys if key in self._latest}
+        new = [z for key, z in zip(keys, vectors, strict=True) if key not in latest]
+        made = iter(self._residuals(hypothesis, new, which, kinds) if new else ())
+        result = [latest[key] if key in latest else next(made) for key in keys]
+        if len(vectors) <= LATEST:
+            kept = self._latest | dict(zip(keys, result, strict=True))
+            self._latest = dict(list(kept.items())[-LATEST:])
+        return result
+
+    def _residuals(
+        self,
+        hypothesis: Hypothesis,
+        vectors: Sequence[Floats],
+        which: list[int],
+        kinds: Sequence[Kind],
+    ) -> list[Blocks]:
         candidates = [self.candidate(hypothesis, z, r) for z in vectors for r in which]
         replays = which * len(vectors)
         outs = self._run(candidates, replays)
@@ -278,8 +298,9 @@ class JointModel:
                 extra = (pace * RAIL_S) ** 2
             value = samples.value - modelled
             if keep.sum() >= 5:
-                value = np.nan_to_num(value[keep], nan=1e3, posinf=1e3, neginf=-1e3)
-                blocks[r, kind] = Block(samples.t_s[keep], np.clip(value, -1e3, 1e3), extra[keep])
+                value = np.clip(value[keep], -WILD, WILD)
+                value[np.isnan(value)] = WILD
+                blocks[r, kind] = Block(samples.t_s[keep], value, extra[keep])
 
     def _gain(self, r: int) -> float:
         start = self.observed[r].replay.start

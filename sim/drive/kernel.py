@@ -171,8 +171,8 @@ class Train(NamedTuple):
     """What the rotor's motion within one tick takes from the arrays, as plain numbers."""
 
     volts: float  #: at the bridge, 0 when it is open
-    closed: float  #: 1 when the bridge conducts
     resistance: float
+    conductance: float  #: of the winding, 0 when the bridge is open
     torque_constant: float
     back_emf: float
     current_cap: float
@@ -206,10 +206,11 @@ def train(arrays: Arrays, i: int) -> Train:
         or params[QUADRATIC_MOTOR, i] != 0.0
         or params[QUADRATIC_EXTERNAL, i] != 0.0
     )
+    resistance = winding_resistance(arrays, i)
     return Train(
         closed * states[DUTY, i] * states[VOLTAGE, i],
-        closed,
-        winding_resistance(arrays, i),
+        resistance,
+        closed / resistance,
         params[TORQUE_CONSTANT, i],
         params[BACK_EMF, i],
         params[CURRENT_CAP, i],
@@ -253,14 +254,17 @@ def friction_level(t: Train, velocity: float, motor: float, external: float) -> 
 @compiled
 def motor_current(t: Train, speed: float) -> float:
     """Current of a motor at a rotor's velocity [A]."""
-    current = t.closed * (t.volts - t.back_emf * speed) / t.resistance
+    current = t.conductance * (t.volts - t.back_emf * speed)
     return float(min(t.current_cap, max(-t.current_cap, current)))
 
 
 @compiled
 def motor_torque(t: Train, current: float) -> float:
     """Torque of a motor at a current, before friction [N m]."""
-    return float(t.torque_constant * current / (1.0 + t.torque_droop * abs(current)))
+    torque = t.torque_constant * current
+    if t.torque_droop == 0.0:
+        return float(torque)
+    return float(torque / (1.0 + t.torque_droop * abs(current)))
 
 
 @compiled
@@ -437,6 +441,7 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
     for i in range(position.size):
         t = train(arrays, i)
         inertia = params[ROTOR_INERTIA, i]
+        halt, push = inertia / dt, dt / inertia  # torque that stops a speed, speed that one makes
         outer, pace = position[i], velocity[i]
         angle = states[ROTOR_POSITION, i]
         speed = states[ROTOR_VELOCITY, i]
@@ -448,9 +453,9 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
             current = motor_current(t, speed)
             motor = motor_torque(t, current)
             level = friction_level(t, speed, motor, -load)
-            stop = -(inertia * speed / dt + motor - load)
+            stop = -(halt * speed + motor - load)
             friction = min(level, max(-level, stop))
-            speed += dt / inertia * (motor - load + friction)
+            speed += push * (motor - load + friction)
             angle += dt * speed
             torque_sum += load
             current_sum += current
@@ -551,6 +556,8 @@ def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
     if rigid:
         rotor_inertia += load_inertia
     dt = tick_s / substeps
+    halt, push = rotor_inertia / dt, dt / rotor_inertia  # as in drive()
+    load_halt, load_push = load_inertia / dt, dt / load_inertia
     shaft, pace = loads[SHAFT_POSITION, job], loads[SHAFT_VELOCITY, job]
     bearing = loads[SHAFT_FRICTION, job]
     skew, refresh = loads[SAMPLE_SKEW, job], loads[DUTY_REFRESH, job]
@@ -593,14 +600,14 @@ def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
             if not rigid:
                 load = gear_torque(t, angle - shaft, speed - pace)
             level = friction_level(t, speed, motor, -load)
-            stop = -(rotor_inertia * speed / dt + motor - load)
-            speed += dt / rotor_inertia * (motor - load + min(level, max(-level, stop)))
+            stop = -(halt * speed + motor - load)
+            speed += push * (motor - load + min(level, max(-level, stop)))
             angle += dt * speed
             if rigid:
                 shaft, pace = angle, speed
             else:
-                stop = -(load_inertia * pace / dt + load + outer)
-                pace += dt / load_inertia * (load + outer + min(bearing, max(-bearing, stop)))
+                stop = -(load_halt * pace + load + outer)
+                pace += load_push * (load + outer + min(bearing, max(-bearing, stop)))
                 shaft += dt * pace
             current_sum += current
             square_sum += current * current

@@ -13,6 +13,7 @@ from bench.diagnosis.fit import (
     bounds,
     estimate_noise,
     fit,
+    least_squares,
     linearise,
     prior_cost,
     score,
@@ -20,7 +21,7 @@ from bench.diagnosis.fit import (
 )
 from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import INSTANT_S, Hypothesis, Kind
+from bench.diagnosis.model import INSTANT_S, LATEST, Hypothesis, JointModel, Kind
 from sim.effects import effect
 from sim.stepped import TICK_S
 
@@ -73,8 +74,42 @@ def test_residuals_are_recorded_less_modelled():
     before = blocks_of(model)[0, Kind.POSITION].value
     (one,) = model.observed
     more = replace(one.position, value=one.position.value + 0.01)
-    model.observed = (replace(one, channels=dict(one.channels) | {Kind.POSITION.channel: more}),)
+    shifted = replace(one, channels=dict(one.channels) | {Kind.POSITION.channel: more})
+    model = JointModel(model.base, model.robot, [shifted])
     assert blocks_of(model)[0, Kind.POSITION].value == pytest.approx(before + 0.01)
+
+
+def test_what_was_just_rolled_out_is_not_rolled_out_again():
+    model = model_of(logs(motions=["slow"]))
+    vectors = [x * np.ones(len(model.nuisances)) for x in np.linspace(0.0, 0.5, LATEST)]
+    first = model.residuals(Hypothesis(), vectors)
+    assert model.rollouts == LATEST
+    again = model.residuals(Hypothesis(), [vectors[3], 0.7 * vectors[-1], vectors[1]])
+    assert model.rollouts == LATEST + 1
+    assert (again[0], again[2]) == (first[3], first[1])
+    assert not np.array_equal(again[1][0, Kind.POSITION].value, first[3][0, Kind.POSITION].value)
+    (other,) = model.residuals(having("backlash"), [np.append(vectors[3], 1.0)])
+    assert not np.array_equal(other[0, Kind.POSITION].value, first[3][0, Kind.POSITION].value)
+    model.residuals(Hypothesis(), [vectors[0]])  # long ago
+    assert model.rollouts == LATEST + 3
+
+
+def test_steps_that_lead_nowhere_are_made_shorter_along_the_same_slopes(null, monkeypatch):
+    asked = []
+
+    def counted(model, hypothesis, z, noise, which=None):
+        asked.append(z.tobytes())
+        return linearise(model, hypothesis, z, noise, which)
+
+    monkeypatch.setattr(fit_module, "linearise", counted)
+    found = fit(null, Hypothesis(), np.zeros(len(null.nuisances)))
+    box = bounds(null, Hypothesis())
+    before, z = None, found.z
+    while before is None or (z != before).any():
+        before = z
+        asked.clear()
+        z = least_squares(null, Hypothesis(), z, found.noise, None, box, 4)
+    assert asked == [z.tobytes()]
 
 
 def test_a_zero_moves_residuals_only_as_far_as_gravity_does(null):
@@ -90,7 +125,8 @@ def test_a_zero_moves_residuals_only_as_far_as_gravity_does(null):
 
 def test_many_vectors_give_what_each_gives_alone(null):
     random = np.random.default_rng(3)
-    vectors = [random.normal(size=len(null.nuisances)) for _ in range(3)]
+    count = LATEST + 1  # so many are not remembered
+    vectors = [random.normal(size=len(null.nuisances)) for _ in range(count)]
     together = null.residuals(Hypothesis(), vectors)
     for z, blocks in zip(vectors, together, strict=True):
         for key, block in blocks_of(null, z).items():

@@ -83,6 +83,15 @@ def test_an_outlier_costs_no_more_than_linearly():
     assert (huber(-z) == costs).all()
 
 
+@pytest.mark.parametrize("noise", NOISES)
+def test_a_block_costs_what_its_innovations_cost_and_their_deviations(noise):
+    block = drawn(noise)
+    block.value[::50] *= 20.0
+    z, logs = whiten(block, noise, block.value[:, None])
+    assert np.abs(z).max() > CLIP
+    assert cost(block, noise) == pytest.approx(huber(z).sum() + logs)
+
+
 @pytest.mark.parametrize("noise", [Noise(0.3, 1.0, 0.05), Noise(1.0, 2.0, 0.3)])
 def test_the_estimate_is_the_noise_that_made_the_data(noise):
     """Within four deviations of the mean of sets like it."""
