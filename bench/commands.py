@@ -24,6 +24,8 @@ from busemu.tables import Robot, RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError, load_profile
 from busemu.wording import amount
 
+from .options import LONGEST_CYCLE_MS, LONGEST_S, steering_within, within
+
 if TYPE_CHECKING:
     from .running import Session
 
@@ -97,8 +99,9 @@ def walk(
         fail("give either --port PATH or --virtual")
     if world is not None and not virtual:
         fail("--world goes with --virtual; give it to busemu serve for a port")
-    if seconds <= 0:
-        fail(f"--seconds must be more than 0, not {seconds:g}")
+    steering_within(seconds, v_left, v_right, seed)
+    if cycle_ms is not None:
+        within("--cycle-ms", cycle_ms, "ms", 0.0, LONGEST_CYCLE_MS)
     steering = Steering(
         seconds, v_left, v_right, None if cycle_ms is None else cycle_ms / 1e3, seed
     )
@@ -320,8 +323,7 @@ def timing(
 
     if (port is None) is not virtual:
         fail("give either --port PATH or --virtual")
-    if repeats < 1:
-        fail(f"--repeats must be at least 1, not {repeats}")
+    within("--repeats", repeats, "", 1, 1_000_000)
     if fit is not None and fit.suffix != ".toml":
         fail(f"--fit {fit}: a profile is a .toml file")
     if fit is not None and not fit.parent.is_dir():
@@ -371,8 +373,7 @@ def demo(
     """Serve a robot, time its bus, let it walk, and leave a folder of pictures and recordings."""
     from .demo import DemoError, run_demo
 
-    if seconds <= 0:
-        fail(f"--seconds must be more than 0, not {seconds:g}")
+    within("--seconds", seconds, "s", 0.1, LONGEST_S)
     try:
         described = load_robot(robot)
         folder = out or Path(f"demo-{described.name}")

@@ -13,6 +13,8 @@ from busemu.cli import fail
 from busemu.tables import RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError
 
+from .options import MOST_REPEATS, steering_within, within
+
 if TYPE_CHECKING:
     from .experiments.campaign import Campaign
     from .experiments.experiment import Progress, Trial
@@ -87,12 +89,12 @@ def experiment(
         return
     if name not in EXPERIMENTS:
         fail(f"no experiment named {name!r}: use {', '.join(EXPERIMENTS)}, or list")
-    if repeats < 1:
-        fail(f"--repeats must be at least 1, not {repeats}")
-    if not seconds > 0.0:
-        fail(f"--seconds must be more than 0, not {seconds:g}")
+    within("--repeats", repeats, "", 1, MOST_REPEATS)
+    steering_within(seconds, v_left, v_right, seed)
     if robot is None and evaluate is None:
         fail(f"name a robot: --robot {' or --robot '.join(robots())}")
+    if joint is not None and name != "servo-check":
+        fail(f"--joint {joint}: only servo-check takes one; leave it away")
     chosen = EXPERIMENTS[name]
     campaign: Campaign | None = None
     try:

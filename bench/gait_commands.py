@@ -13,9 +13,14 @@ from busemu.cli import fail
 from busemu.tables import RobotError, TableError, load_robot, robots
 from busemu.timing import ProfileError
 
+from .options import LARGEST_SEED, LONGEST_S, within
+
 if TYPE_CHECKING:
     from .gaits.outcome import Outcome
     from .gaits.search import Plan, Tell
+
+#: More walks than a search is worth, and more at once than any machine has cores for.
+MOST_WALKS, MOST_PROCESSES = 100_000, 256
 
 
 def gait_search(
@@ -71,10 +76,9 @@ def gait_search(
     from .gaits.walking import Walker, shortest_s
     from .gaits.walks import Walks
 
-    if budget < 1 or processes < 1:
-        fail(f"--budget and --processes must be at least 1, not {min(budget, processes)}")
-    if seed < 0:
-        fail(f"--seed must not be negative, not {seed}")
+    within("--budget", budget, "walks", 1, MOST_WALKS)
+    within("--processes", processes, "", 1, MOST_PROCESSES)
+    within("--seed", seed, "", 0, LARGEST_SEED)
     if method is not None and method not in [m.value for m in Method]:
         fail(f"no method named {method!r}: use cma or grid, or leave --method away for both")
     methods = tuple(Method) if method is None else (Method(method),)
@@ -88,8 +92,7 @@ def gait_search(
                 fail(f"--model {model}: is of {better.name}, not of {described.name}")
             described = better
         least_s = shortest_s(described)
-        if not seconds >= least_s:
-            fail(f"--seconds must be at least {least_s:g}, two periods, not {seconds:g}")
+        within("--seconds", seconds, "s (two periods at least)", least_s, LONGEST_S)
         ledger = Ledger(out, described)
         typer.echo(
             f"{described.name}: {' and '.join(m.value for m in methods)}, at most {budget} walks "

@@ -42,7 +42,12 @@ def quantity(document: Mapping[str, Any], *path: str) -> float:
     value = entry.get("value") if isinstance(entry, Mapping) else entry
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise RobotError(f"the robot file's {'.'.join(path)} must be a number, not {value!r}")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:  # TOML knows whole numbers of any length
+        raise RobotError(
+            f"the robot file's {'.'.join(path)} = {value!s:.40}... is beyond any bounds"
+        ) from None
 
 
 @dataclass(frozen=True)
@@ -63,14 +68,17 @@ class Legs:
         rows = document.get("leg", [])
         if not rows:
             raise RobotError(f"{robot.path}: no [[leg]] is listed, so this robot cannot walk")
-        return cls(
-            names=tuple(str(row["name"]) for row in rows),
-            hips_m=np.array([[quantity(row, "x_m"), quantity(row, "y_m")] for row in rows]),
-            yaw_rad=np.array([quantity(row, "yaw_rad") for row in rows]),
-            coxa_m=quantity(document, "link", "coxa", "length_m"),
-            femur_m=quantity(document, "link", "femur", "length_m"),
-            tibia_m=quantity(document, "link", "tibia", "length_m"),
-        )
+        try:
+            return cls(
+                names=tuple(str(row["name"]) for row in rows),
+                hips_m=np.array([[quantity(row, "x_m"), quantity(row, "y_m")] for row in rows]),
+                yaw_rad=np.array([quantity(row, "yaw_rad") for row in rows]),
+                coxa_m=quantity(document, "link", "coxa", "length_m"),
+                femur_m=quantity(document, "link", "femur", "length_m"),
+                tibia_m=quantity(document, "link", "tibia", "length_m"),
+            )
+        except RobotError as error:
+            raise RobotError(f"{robot.path}: {error}") from None
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ and the bounds, whatever is missing or cannot be true.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,6 +67,7 @@ class Section:
         """
         if key not in self.table and default is not None:
             return default
+        self.deviation(key)
         return self._bounded(key, self._value(key), unit, low, high)
 
     def deviation(self, key: str) -> float | None:
@@ -130,6 +130,6 @@ class Section:
     def _bounded(self, key: str, value: Any, unit: str, low: float, high: float) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.fail(f"{key} must be a number in {unit}, not {value!r}")
-        if not math.isfinite(value) or not low <= value <= high:
-            raise self.fail(f"{key} = {value} {unit} is not within {low} to {high} {unit}")
+        if not low <= value <= high:
+            raise self.fail(f"{key} = {value!s:.40} {unit} is not within {low} to {high} {unit}")
         return float(value)

@@ -53,6 +53,7 @@ def read_hexapod(top: Section, trunk_load_kg: float) -> Hexapod:
     contact, foot = _contact(top.section("contact"))
     top.section("link").only(*SEGMENTS)
     links = {name: _link(top.section("link").section(name), name) for name in SEGMENTS}
+    limits = {name: (link.lower_rad, link.upper_rad) for name, link in links.items()}
     lengths = MappingProxyType({name: link.length_m for name, link in links.items()})
     legs: list[Leg] = []
     for row in top.sections("leg"):
@@ -68,13 +69,9 @@ def read_hexapod(top: Section, trunk_load_kg: float) -> Hexapod:
         bodies=tuple(body for leg in legs for body in _limb(leg, links)),
         legs=tuple(legs),
         contact=contact,
-        limits_rad={
-            f"{leg.name}.{name}": (link.lower_rad, link.upper_rad)
-            for leg in legs
-            for name, link in links.items()
-        },
-        rest_rad={s: rest.number(f"{s}_rad", "rad", -math.pi, math.pi) for s in SEGMENTS},
-        neutral_rad={s: neutral.plain(s, "rad", -math.pi, math.pi) for s in SEGMENTS},
+        limits_rad={f"{leg.name}.{name}": both for leg in legs for name, both in limits.items()},
+        rest_rad={s: rest.number(f"{s}_rad", "rad", *limits[s]) for s in SEGMENTS},
+        neutral_rad={s: neutral.plain(s, "rad", *limits[s]) for s in SEGMENTS},
     )
 
 
@@ -135,7 +132,7 @@ def _link(section: Section, name: str) -> Link:
     lower = section.number("lower_rad", "rad", -math.pi, 0.0)
     upper = section.number("upper_rad", "rad", 0.0, math.pi)
     if not lower < upper:
-        raise section.fail(f"lower_rad = {lower} is not below upper_rad = {upper}")
+        raise section.fail(f"lower_rad = {lower} rad is not below upper_rad = {upper} rad")
     return Link(
         section.number("length_m", "m", 0.001, 2.0),
         section.number("mass_kg", "kg", 1e-4, 20.0),

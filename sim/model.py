@@ -169,4 +169,10 @@ def _estimate(parameter: Parameter, entry: Any) -> Estimate:
 def _number(parameter: Parameter, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise PhysicsError(f"{parameter.name} must be a number in {parameter.unit}, not {value!r}")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:  # TOML knows whole numbers of any length
+        raise PhysicsError(
+            f"{parameter.name} = {value!s:.40}... {parameter.unit} is not within "
+            f"{parameter.low:g} to {parameter.high:g} {parameter.unit}"
+        ) from None

@@ -101,7 +101,7 @@ def _limits(section: Section) -> tuple[float, float]:
     lower = section.number("lower_rad", "rad", -WHOLE_TURNS_RAD, WHOLE_TURNS_RAD)
     upper = section.number("upper_rad", "rad", -WHOLE_TURNS_RAD, WHOLE_TURNS_RAD)
     if not lower < upper:
-        raise section.fail(f"lower_rad = {lower} is not below upper_rad = {upper}")
+        raise section.fail(f"lower_rad = {lower} rad is not below upper_rad = {upper} rad")
     return lower, upper
 
 

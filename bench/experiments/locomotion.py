@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from busemu.tables import Robot
+from hal.cpg import LocomotionController
 from hal.legs import PARTS, Legs, UnreachableError
 
 from ..figures.path import Displacement, displacement
@@ -31,6 +32,8 @@ from .series import Floats, observed, robot_of, samples, span_s
 STAND_UP_S = 1.5
 #: The start-up, left out of all averages [s]: the rhythm locks within two or three periods.
 START_UP_S = 3.0
+#: After the start-up a whole step is within so many periods, wherever they begin.
+STEPS_SEEN = 2.0
 OBSERVE_S = 0.01
 #: Velocities are differences over this many samples to either side.
 REACH = 2
@@ -50,7 +53,18 @@ class LocomotionExperiment:
     def trials(self, robot: Robot, choice: Choice) -> tuple[Trial, ...]:
         """One trial a repeat, each from another start state."""
         only_hexapods(robot, self.name)
-        Legs.of(robot)
+        controller = LocomotionController.of(robot)
+        try:
+            controller.check(choice.v_left, choice.v_right)
+        except UnreachableError as error:
+            raise ExperimentError(str(error)) from None
+        period_s = controller.gait.period_s
+        least_s = min(2.0 * STEPS_SEEN * period_s, START_UP_S + STEPS_SEEN * period_s)
+        if choice.seconds < least_s:
+            raise ExperimentError(
+                f"--seconds must be at least {least_s:g} s, so that every leg makes a whole step "
+                f"after the start-up, not {choice.seconds:g}"
+            )
         return tuple(
             Trial(
                 name=f"{self.name}-{repeat:02}",
@@ -84,12 +98,9 @@ class LocomotionExperiment:
         )
         read_law(session, tuple(session.robot.by_joint))
         observe(session, OBSERVE_S, lambda name: not name.endswith("_rad") or "base" in name)
-        try:
-            report, finished = walk_in(
-                session, steering, lambda walked_s: progress(STAND_UP_S + walked_s)
-            )
-        except UnreachableError as error:
-            raise ExperimentError(str(error)) from None
+        report, finished = walk_in(
+            session, steering, lambda walked_s: progress(STAND_UP_S + walked_s)
+        )
         if not finished:
             raise KeyboardInterrupt
         goals = session.recording(trial.name, self.name)

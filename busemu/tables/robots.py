@@ -11,6 +11,7 @@ the same at another one.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -24,6 +25,10 @@ from .toml_file import read_toml
 
 ROBOTS = Path(__file__).with_name("robots")
 FORMAT = "busemu-robot/1"
+#: No servo here goes beyond 4.5 Mbaud; assumed: some more may come.
+FASTEST_BAUD = 20_000_000
+#: Largest ``zero_rad``: ten turns, as far as any multi-turn rig is described; assumed.
+LARGEST_ZERO_RAD = 20.0 * math.pi
 #: Servos without a file: a model or the path of its table, IDs, a baud rate.
 _SERVOS = re.compile(r"(?P<model>.+):(?P<ids>[0-9,-]*)(@(?P<baud_rate>[0-9]+))?")
 _ID_RANGE = re.compile(r"([0-9]{1,3})(?:-([0-9]{1,3}))?")
@@ -156,10 +161,11 @@ def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:
         if key not in bus:
             raise RobotError(f"{path}: [bus] needs {key}")
     if bus["protocol"] not in (1.0, 2.0):
-        raise RobotError(f"{path}: [bus] protocol must be 1.0 or 2.0, not {bus['protocol']}")
-    if type(bus["baud_rate"]) is not int or bus["baud_rate"] < 1:
+        raise RobotError(f"{path}: [bus] protocol must be 1.0 or 2.0, not {bus['protocol']!s:.40}")
+    if type(bus["baud_rate"]) is not int or not 1 <= bus["baud_rate"] <= FASTEST_BAUD:
         raise RobotError(
-            f"{path}: [bus] baud_rate must be a whole number, not {bus['baud_rate']!r}"
+            f"{path}: [bus] baud_rate must be a whole number of 1 to {FASTEST_BAUD} baud, not "
+            f"{bus['baud_rate']!s:.40}"
         )
     rows = document.get("servo", [])
     if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
@@ -186,7 +192,7 @@ def parse_robot(document: Mapping[str, Any], path: Path) -> Robot:
 
 
 def _mount(row: Mapping[str, Any], bus: Mapping[str, Any], path: Path) -> ServoMount:
-    where = f"{path}: [[servo]] id {row.get('id', '?')}"
+    where = f"{path}: [[servo]] id {row.get('id', '?')!s:.40}"
     missing = {"id", "joint"} - set(row)
     unknown = set(row) - {"id", "joint", "model", "direction", "zero_rad", "registers"}
     if missing or unknown:
@@ -208,15 +214,23 @@ def _mount(row: Mapping[str, Any], bus: Mapping[str, Any], path: Path) -> ServoM
             f"{where}: {model} speaks Protocol {table.protocol}, the bus {bus['protocol']}"
         )
     if row.get("direction", 1) not in (1, -1):
-        raise RobotError(f"{where}: direction must be 1 or -1")
+        raise RobotError(f"{where}: direction must be 1 or -1, not {row['direction']!s:.40}")
     if type(row.get("zero_rad", 0.0)) not in (int, float):
         raise RobotError(f"{where}: zero_rad must be a number, not {row['zero_rad']!r}")
+    if not abs(row.get("zero_rad", 0.0)) <= LARGEST_ZERO_RAD:
+        raise RobotError(
+            f"{where}: zero_rad = {row['zero_rad']!s:.40} rad is not within "
+            f"{-LARGEST_ZERO_RAD:.4g} to {LARGEST_ZERO_RAD:.4g} rad"
+        )
     for name, raw in row.get("registers", {}).items():
         if name not in table:
             raise RobotError(f"{where}: {model} has no register {name!r}")
         register = table[name]
         if type(raw) is not int or not 0 <= raw <= register.raw_maximum:
-            raise RobotError(f"{where}: register {name} cannot hold {raw!r}")
+            raise RobotError(
+                f"{where}: register {name} cannot hold {raw!r}: it is a whole number from 0 to "
+                f"{register.raw_maximum}"
+            )
         if not register.minimum <= register.decode(raw) <= register.maximum:
             raise RobotError(
                 f"{where}: register {name} = {raw} is outside "

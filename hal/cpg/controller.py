@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from busemu.tables import Robot
+from busemu.tables import Robot, RobotError
 
 from ..legs import Legs
 from .gait import Gait
@@ -27,7 +27,11 @@ class LocomotionController:
     @classmethod
     def of(cls, robot: Robot, seed: int = 0) -> LocomotionController:
         """Make the controller of a robot file. Raises ``RobotError`` naming what is missing."""
-        return cls(Legs.of(robot), Gait.of(robot), seed)
+        legs, gait = Legs.of(robot), Gait.of(robot)
+        try:
+            return cls(legs, gait, seed)
+        except RobotError as error:
+            raise RobotError(f"{robot.path}: {error}") from None
 
     @property
     def joints(self) -> tuple[str, ...]:

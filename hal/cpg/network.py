@@ -19,6 +19,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from busemu.tables import RobotError
+
 from ..legs import Legs
 from .oscillator import STEP, Array, OscillatorParameters, Oscillators
 
@@ -55,12 +57,15 @@ class Rhythm:
 def neighbours(legs: Legs) -> Array:
     """Coupling weights (6, 6), symmetric, each row of sum 1, from where the legs are.
 
-    Raises ``ValueError`` unless there are three legs on each side.
+    Raises :class:`RobotError` unless there are three legs on each side.
     """
     x, y = legs.hips_m.T
     sides = [np.flatnonzero(side) for side in (x < 0.0, x > 0.0)]
     if len(legs.names) != 6 or any(len(side) != 3 for side in sides):
-        raise ValueError("the tripod network needs six legs, three on each side of the trunk")
+        raise RobotError(
+            "the tripod network needs six legs, three on each side of the trunk: of the [[leg]] "
+            f"there are {len(sides[0])} with x_m below 0 m, {len(sides[1])} above"
+        )
     left, right = (side[np.argsort(-y[side])] for side in sides)  # front, middle, rear
     weights = np.zeros((6, 6))
     for a, b, weight in (

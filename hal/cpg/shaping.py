@@ -90,6 +90,13 @@ class OutputShaping:
         try:
             self._try(v_left, v_right)
         except UnreachableError as error:
+            try:
+                self._try(0.0, 0.0)
+            except UnreachableError as still:
+                raise UnreachableError(
+                    f"the gait is beyond the legs even without a stride ({still}): change its "
+                    "neutral posture or lift_m"
+                ) from None
             low, high = 0.0, 1.0
             for _ in range(12):
                 middle = 0.5 * (low + high)

@@ -284,7 +284,8 @@ def read_drive(section: Section) -> DriveParameters:
         if viscous < 0.0:
             raise section.fail(
                 f"coulomb_nm = {friction.coulomb_nm} N m is more than the no-load current pays "
-                f"for ({spare:.3g} N m)"
+                f"for ({spare:.3g} N m): lower it, raise no_load_current_a, or give "
+                "viscous_nm_s_rad"
             )
         friction = Friction(**(_as_dict(friction) | {"viscous_nm_s_rad": viscous}))
     emf = (sheet.voltage_v - resistance * sheet.no_load_current_a) / sheet.no_load_velocity_rad_s
@@ -315,7 +316,10 @@ def read_drive(section: Section) -> DriveParameters:
         ),
     )
     if problem := drive.check():
-        raise section.fail(problem)
+        raise section.fail(
+            f"{problem}; change resistance_ohm, torque_constant_nm_a, back_emf_v_s_rad or the "
+            "friction, or leave the first three away"
+        )
     return drive
 
 

@@ -158,7 +158,7 @@ def test_a_gait_that_cannot_be_is_refused():
     gait = Gait.of(load_robot("marvin"))
     with pytest.raises(ValueError, match="duty_factor"):
         replace(gait, duty_factor=0.4)
-    with pytest.raises(ValueError, match="positive"):
+    with pytest.raises(ValueError, match="is not within"):
         replace(gait, stride_m=0.0)
     robot = load_robot("marvin")
     document = {**robot.document, "gait": {"neutral": robot.document["gait"]["neutral"]}}

@@ -85,7 +85,7 @@ def family(group):
     [
         (["--robot", "nobody"], "no robot named 'nobody': use one of "),
         (["--robot", "marvin", "--budget", "0"], "--budget"),
-        (["--robot", "marvin", "--seconds", "1"], "at least 2.4"),
+        (["--robot", "marvin", "--seconds", "1"], "2.4 to 604800 s (two periods at least), not 1"),
         (["--robot", "marvin", "--method", "guess"], "use cma or grid"),
         (["--robot", "marvin", "--seed", "-1"], "--seed"),
         (["--robot", "pendulum"], "this robot cannot walk"),
