@@ -12,6 +12,7 @@ import typer
 from busemu.cli import fail
 from busemu.tables import RobotError, TableError, load_robot, robots
 
+from .options import LARGEST_SEED, within
 from .stages import stages
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ def diagnose(
 
     if budget is not None and not budget > 0.0:
         fail(f"--budget must be more than 0 seconds, not {budget:g}")
+    within("--seed", seed, "", 0, LARGEST_SEED)
     journal = Journal(out / FOLDER)
     try:
         described = load_robot(robot)

@@ -10,6 +10,7 @@ import typer
 
 from busemu.cli import fail
 
+from .options import LARGEST_SEED, within
 from .stages import stages
 
 STUDIES = {
@@ -38,6 +39,7 @@ def study(
     """
     if name not in STUDIES:
         fail(f"no study named {name!r}: use {' or '.join(STUDIES)}")
+    within("--seed", seed, "", 0, LARGEST_SEED)
     folder = out or Path(f"study-{name}")
     try:
         with stages() as say:

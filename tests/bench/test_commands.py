@@ -51,6 +51,7 @@ def test_a_virtual_walk_writes_a_recording_that_reads_back(tmp_path, suffix):
         (["timing", "--robot", "arm", "--virtual", "--out", "a.parquet/file"], "File exists"),
         (["timing", "--robot", "arm", "--virtual", "--fit", "none/b.toml"], "no folder none"),
         (["serve", "--robot", "arm", "--plant", "ideal", "--link", "/proc/link"], "/proc/link: "),
+        (["study", "engines", "--seed", "-1"], "--seed must be 0 to 4294967295, not -1"),
         (["study", "engines", "--out", "a.parquet/file"], "busemu: a.parquet/file: File exists"),
         (["import", "auto", "a.parquet/c.parquet", "--out", "b"], "look with busemu inspect"),
     ],
