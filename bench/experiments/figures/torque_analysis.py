@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from ..torque_analysis_result import TorqueAnalysis
 
 LOAD_COLOURS = (START, MEASURED, MODELLED)
+#: Width of the loads' axis where there is only one load [g].
+ONE_LOAD_G = 200.0
 
 
 @styled
@@ -94,8 +96,9 @@ def _torque(axes: Axes, result: TorqueAnalysis, part: str) -> None:
 
 def _load(axes: Axes, result: TorqueAnalysis) -> None:
     known = [load_kg * 1e3 for load_kg in result.loads_kg]
-    ends = min(known), max(known)
-    axes.plot(ends, ends, color=GOAL, linewidth=2.4, alpha=0.5, label="true load")
+    beside = 0.08 * max(max(known) - min(known), ONE_LOAD_G)
+    axes.set_xlim(min(known) - beside, max(known) + beside)
+    axes.axline((0.0, 0.0), slope=1.0, color=GOAL, linewidth=2.4, alpha=0.5, label="true load")
     ways = ((DUTY, "o", "none", "duty x stall"), (PAST_FRICTION, "o", "full", "and friction"))
     for how, marker, fill, label in ways:
         for load_kg, colour in zip(result.loads_kg, LOAD_COLOURS, strict=False):
