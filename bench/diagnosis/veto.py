@@ -1,4 +1,4 @@
-"""What speaks against a name, however well it fits: an impossible size, or nothing of its own."""
+"""What speaks against a name, however well it fits: an impossible size, a register, nothing new."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ from .confidence import NORMAL
 from .fit import EDGE, Fit
 from .intervals import Spread
 from .model import JointModel
+from .observed import Channel
 from .search import NUMBER_NATS, Gain, confirm, drop, screen
 
 PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
+LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
+#: times a limit, beyond which a duty denies it (a fit is not exact), and in how many samples
+BEYOND, SAMPLES = 1.1, 5
 BEHIND = 0.5  #: of the gain of a name taken back that another must have, to take its place
 
 
@@ -33,6 +37,8 @@ def objection(
                 f"it would need {knob.parameter.name} = {knob.value(z):.3g} {knob.parameter.unit} "
                 "or beyond, which is not plausible"
             )
+    if gain.effect == LIMITS and (why := _shown_beyond(model, found)) is not None:
+        return why
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
         return f"its two numbers differ by no more than chance, which is {SPLIT[gain.effect]}"
     plainer = PLAINER.get(gain.effect)
@@ -45,6 +51,25 @@ def objection(
     if own.deflated - best.counted(own.inflation) < 2.0 * NUMBER_NATS:
         return f"nothing is seen of what sets it apart from {plainer}, which is not to be named"
     return None
+
+
+def _shown_beyond(model: JointModel, found: Fit) -> str | None:
+    """That a limit of the duty is denied by the register of the duty, if it is."""
+    count = len(model.nuisances)
+    knobs = zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True)
+    (limit,) = (knob.value(z) for knob, z in knobs if knob.effect == LIMITS)
+    shown: list[float] = []
+    for observed in model.observed:
+        samples = observed.channels.get(Channel.DUTY)
+        if samples is not None:
+            sizes = np.abs(samples.value[samples.good])
+            shown += sizes[sizes > BEYOND * limit + samples.quantum].tolist()
+    if len(shown) < SAMPLES:
+        return None
+    return (
+        f"it would be {limit:.3g} of full duty, and the duty's own register shows up to "
+        f"{max(shown):.3g}"
+    )
 
 
 def _agree(model: JointModel, found: Fit, effect: str) -> bool:

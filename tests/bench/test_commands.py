@@ -64,19 +64,25 @@ def test_bad_words_get_one_clear_line_and_a_failure(words, says, tmp_path, monke
     fails_in_one_line(busemu(*words), says)
 
 
+WALKING_BYTES = 200_000  #: of a trace of the bus, with which a robot has stood up and walks
+
+
 @pytest.mark.pty
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_walk_that_is_ended_lets_go_and_keeps_its_recording(tmp_path, number):
-    link, path = tmp_path / "marvin", tmp_path / "walk.parquet"
+    link, trace, path = (tmp_path / name for name in ("marvin", "bus.trace", "walk.parquet"))
     serve = [sys.executable, "-m", "busemu", "serve", "--robot", "marvin", "--plant", "ideal"]
-    with subprocess.Popen([*serve, "--link", link], stdout=subprocess.PIPE, text=True) as server:
+    serve += ["--link", str(link), "--trace", str(trace)]
+    with subprocess.Popen(serve, stdout=subprocess.PIPE, text=True) as server:
         try:
             while "port" not in server.stdout.readline():
                 assert server.poll() is None
             words = ["walk", "--robot", "marvin", "--port", link, "--seconds", 60, "--record", path]
             command = [sys.executable, "-m", "busemu", *map(str, words)]
             with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as walk:
-                time.sleep(4.0)  # to be well in the walk; ended earlier, it has less to record
+                while trace.stat().st_size < WALKING_BYTES:
+                    assert walk.poll() is None
+                    time.sleep(0.1)
                 walk.send_signal(number)
                 said, _ = walk.communicate(timeout=30)
         finally:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pendulum_logs import logs, model_of
+from pendulum_logs import POSITION, logs, model_of
 
 from bench.diagnosis import intervals, valleys
 from bench.diagnosis.confidence import NORMAL
@@ -13,6 +13,7 @@ from bench.diagnosis.fit import Fit, fit
 from bench.diagnosis.intervals import REACH, Spread, _inverse, estimates, interval
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
+from bench.diagnosis.observed import Channel
 from bench.diagnosis.search import Gain
 from bench.diagnosis.settling import (
     BESIDE,
@@ -200,6 +201,28 @@ def test_nothing_speaks_against_an_effect_that_is_off_or_against_its_shape():
     values = [0.0, knobs[1].bounds[1]]
     model, found = with_numbers("cable_drag", values)
     assert objection(model, found, gain_of("cable_drag", found), EVERY) is None
+
+
+def test_a_limit_of_the_duty_that_its_register_shows_more_than_is_denied():
+    model, found = fitted("torque_limit", {"duty": 0.4}, [1.5])
+    gain = gain_of("torque_limit", found)
+    assert objection(model, found, gain, EVERY) is None
+    shown = max(np.abs(o.channels[Channel.DUTY].value).max() for o in model.observed)
+    assert shown == pytest.approx(0.4, abs=0.002)
+    knob = found.hypothesis.knobs[-1]
+    lower = replace(found, z=np.append(found.z[:-1], knob.at(0.3)))
+    why = objection(model, lower, gain, EVERY)
+    assert "0.3 of full duty" in why
+    assert "shows up to 0.4" in why
+
+
+def test_a_limit_is_not_denied_where_no_register_of_the_duty_was_read():
+    model = model_of(logs({"torque_limit": {"duty": 0.4}}, registers=(POSITION,)))
+    knobs = effect_knobs(effect("torque_limit"))
+    found = Fit(
+        Hypothesis(knobs), np.append(np.zeros(len(model.nuisances)), knobs[0].at(0.3)), {}, 0.0
+    )
+    assert objection(model, found, gain_of("torque_limit", found), EVERY) is None
 
 
 @pytest.mark.parametrize(
