@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from experiment_runs import campaign, ran
+from experiment_runs import campaign, quiet, ran
 
 from bench.experiments import EXPERIMENTS
 from bench.experiments.experiment import Choice, ExperimentError
@@ -142,8 +143,19 @@ def test_legs_touch_each_other_at_six_times_the_stride_and_not_at_four(robot, tm
 def test_a_stride_beyond_reach_and_a_walk_too_short_are_refused_in_words(tmp_path):
     with pytest.raises(ExperimentError, match="too long a stride"):
         campaign("locomotion", "marvin", tmp_path, Choice(repeats=1, v_left=40.0))
+    with pytest.raises(
+        ExperimentError, match=r"--seconds must be at least .* s, so that every leg"
+    ):
+        campaign("locomotion", "marvin", tmp_path, Choice(repeats=1, seconds=1.0))
+
+
+def test_a_recording_that_breaks_off_after_a_second_of_walking_is_refused_in_words(tmp_path):
+    whole = campaign("locomotion", "marvin", tmp_path, Choice(repeats=1, seconds=SECONDS))
+    (trial,) = whole.trials
+    short = replace(trial, seconds=3.0, condition=trial.condition | {"seconds": 1.0})
+    recordings = replace(whole, trials=(short,)).run(quiet)
     with pytest.raises(ExperimentError, match="record a longer walk"):
-        ran("locomotion", "marvin", tmp_path / "short", Choice(repeats=1, seconds=1.0))
+        EXPERIMENTS["locomotion"].evaluate(recordings)
 
 
 def test_the_figure_has_a_column_a_leg_and_the_torque_limit(walked):
