@@ -27,10 +27,12 @@ from hal.bus_errors import BusError
 from sim.world import BulletPlant
 
 from .figures.tables import aligned
+from .rollout_speed import measured
 from .running import Steering, in_process, on_port, walk_in
 
 Row = list[str]
 US = 1e6
+SMALL = 0.05  #: ratios below are shown as one over so much
 #: A client reads for so long at most [s].
 READ_S = 6.0
 READS = "--read"  #: asks this module to be that client, of a robot on a port
@@ -53,6 +55,7 @@ def main() -> None:
         ("round trip", round_trips),
         ("codec", codecs),
         ("writers", writers),
+        ("rollouts", rollouts),
         ("walks", walks),
         ("punctuality", lateness),
         ("four buses", four_buses),
@@ -74,7 +77,9 @@ def _median_us(act: Callable[[], object], repeats: int) -> float:
 
 
 def _row(what: str, here: float, floor: float, unit: str, of: str) -> Row:
-    return [what, f"{here:.1f} {unit}", f"{floor:.1f} {unit}", f"{here / floor:.2f}", of]
+    ratio = here / floor
+    shown = f"{ratio:.2f}" if ratio > SMALL else f"1/{1.0 / ratio:.0f}"
+    return [what, f"{here:.1f} {unit}", f"{floor:.1f} {unit}", shown, of]
 
 
 def round_trips() -> list[Row]:
@@ -173,6 +178,13 @@ def walks() -> list[Row]:
         rows.append(_row(f"{name}: the same without an engine", ideal_s / walked_s * 1e3,
                          engine.total_s / walked_s * 1e3, "ms", of))  # fmt: skip
     return rows
+
+
+def rollouts() -> list[Row]:
+    """What-ifs of one joint in a batch, against the same one by one."""
+    return [
+        _row(what, here_s * US, floor_s * US, "us", of) for what, here_s, floor_s, of in measured()
+    ]
 
 
 def codecs() -> list[Row]:

@@ -65,6 +65,7 @@ class Friction:
     def level_nm(self, velocity_rad_s: float, motor_nm: float, external_nm: float) -> float:
         """The friction level [N m], as the compiled step has it."""
         params = np.zeros((kernel.PARAMS, 1))
+        params[kernel.RESISTANCE] = 1.0  # any: no current flows
         for name, field in _FRICTION_FIELDS.items():
             params[field] = getattr(self, name)
         empty = np.zeros((kernel.STATES, 1))
