@@ -17,7 +17,7 @@ from sim.rollout import Replay
 
 from .commands import drive_commands, supply_events
 from .posture import recorded_posture
-from .smooth import smooth
+from .smooth import follows, smooth
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -161,7 +161,7 @@ def _observe(
     register, times, angles, quantum = series[Channel.POSITION]
     angles = unwrapped(angles, quantum)
     series[Channel.POSITION] = register, times, angles, quantum
-    good = lonely(angles, quantum) & smooth(times, angles, quantum)
+    good = sound(times, angles, quantum)
     origin = float(min(entry[1][0] for entry in series.values())) - 1e-3
     start, events = drive_commands(recording, mount, table, times[good], angles[good], origin)
     if len(robot.servos) == 1:
@@ -243,6 +243,12 @@ def unwrapped(angles: Floats, quantum: float) -> Floats:
         return angles
     turned: Floats = np.asarray(np.unwrap(angles), np.float64)
     return angles if (np.abs(turned - angles) < 0.5 * quantum).all() else turned
+
+
+def sound(t_s: Floats, angles: Floats, quantum: float) -> Mask:
+    """Where angles [rad], shape (n,), are no glitches, though they stand out on a smooth motion."""
+    usual = lonely(angles, quantum) | follows(t_s, angles, quantum)
+    return usual & smooth(t_s, angles, quantum)
 
 
 def lonely(values: Floats, quantum: float) -> Mask:

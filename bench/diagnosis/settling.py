@@ -20,6 +20,7 @@ from .search import (
     HARM,
     HELD_OUT,
     Gain,
+    Outside,
     Progress,
     beside_others,
     drop,
@@ -33,6 +34,7 @@ SPOILT = 0.1  #: of the mean square that a name takes off the others, which must
 SURE = 0.99  #: that an effect is there at all: what it gains, by the widest account of its size
 LITTLE = 0.25  #: share of a misfit that a name must explain, where much of it is left
 HARMFUL = "it makes recordings that were not used to fit worse"
+NEEDLESS = "recordings that were not used to fit are within noise without it, and worse with it"
 BETTER = "it explains far less than a cause that cannot be named"
 NOTHING = "its size may as well be nothing"
 ALONE = "beside the others it gains nothing on recordings left out"
@@ -129,15 +131,32 @@ def _denied(
     for gain in taken:
         say(f"{gain.effect} on recordings that were not used to fit")
         without, *_ = drop(model, after, gain.effect)
-        harm = inside(judge, without, after, floors).harm
-        spoilt = _square(judge, after) - _square(judge, without)
         mended = _square(model, without) - _square(model, after)
-        worse = spoilt > (WORSE - 1.0) * _square(judge, without)
-        if harm > HARM and worse and spoilt > SPOILT * mended:
-            harms.append((harm, gain))
+        squares = _square(judge, without), _square(judge, after)
+        outside = inside(judge, without, after, floors)
+        if (why := spoils(*squares, mended, outside, floors[Kind.POSITION])) is not None:
+            harms.append((outside.harm, gain, why))
     if not harms:
         return None
-    return Denied(max(harms, key=lambda pair: pair[0])[1], HARMFUL)
+    _, gain, why = max(harms, key=lambda entry: entry[0])
+    return Denied(gain, why)
+
+
+def spoils(
+    without: float, with_it: float, mended: float, outside: Outside, floor: float
+) -> str | None:
+    """Why a name cannot hold by what it does to recordings that were not used to fit, if it cannot.
+
+    ``without`` and ``with_it`` are mean squares of positions there [rad^2], ``mended`` is what it
+    takes off that of those that were fitted, ``floor`` the deviation of noise [rad].
+    """
+    spoilt = with_it - without
+    worse = spoilt > (WORSE - 1.0) * without
+    if outside.harm > HARM and worse and spoilt > SPOILT * mended:
+        return HARMFUL
+    if without < floor**2 and spoilt > 0.0 and outside.relief < outside.harm:
+        return NEEDLESS
+    return None
 
 
 def _square(model: JointModel, found: Fit) -> float:

@@ -33,15 +33,33 @@ def smooth(t_s: Floats, angles: Floats, quantum: float) -> Mask:
     return result
 
 
+def follows(t_s: Floats, angles: Floats, quantum: float) -> Mask:
+    """Where angles [rad], shape (n,), lie within eight steps of the cubic through their neighbours.
+
+    The top of an overshoot does, that stands out above both its neighbours. Not so at ends and
+    beside gaps, where there is no such cubic.
+    """
+    result = np.zeros(len(angles), bool)
+    k = _between(t_s)
+    result[k] = np.abs(_off_cubic(t_s, angles)[k]) <= FAR_QUANTA * quantum
+    return result
+
+
+def _between(t_s: Floats) -> NDArray[np.int64]:
+    """Samples that have two neighbours on either side, and no gap among them."""
+    if len(t_s) < 5:
+        return np.zeros(0, np.int64)
+    steps = np.diff(t_s)
+    least = np.lib.stride_tricks.sliding_window_view(steps, 4).min(axis=1)
+    k = np.arange(2, len(t_s) - 2)
+    known: NDArray[np.int64] = k[(t_s[k + 2] - t_s[k - 2] < GAP * np.median(steps)) & (least > 0.0)]
+    return known
+
+
 def _off_cubic(t_s: Floats, values: Floats) -> Floats:
     """How far values are off the cubic through their neighbours; 0 at ends and beside gaps."""
     off = np.zeros(len(values))
-    if len(values) < 5:
-        return off
-    steps = np.diff(t_s)
-    least = np.lib.stride_tricks.sliding_window_view(steps, 4).min(axis=1)
-    k = np.arange(2, len(values) - 2)
-    k = k[(t_s[k + 2] - t_s[k - 2] < GAP * np.median(steps)) & (least > 0.0)]
+    k = _between(t_s)
     off[k] = values[k]
     for a in BESIDE:
         weight = np.ones(len(k))

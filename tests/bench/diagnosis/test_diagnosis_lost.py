@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.lost import lost_samples
-from bench.diagnosis.observed import lonely
+from bench.diagnosis.observed import lonely, sound
 from bench.diagnosis.smooth import smooth
 
 STEP = 0.0015
@@ -48,6 +48,27 @@ def test_a_body_that_is_jerked_has_lost_nothing():
     t_s = np.arange(0.0, 4.0, 1 / 28)
     swing = np.where(t_s < 1.0, 0.0, 1.0 - np.exp(-3.0 * (t_s - 1.0)) * np.cos(28.0 * (t_s - 1.0)))
     assert smooth(t_s, np.round(0.5 * swing / STEP) * STEP, STEP).all()
+
+
+def overshoot():
+    """A step of a soft joint: what rests, shoots over by twelve counts, and comes back."""
+    value = np.full(200, 0.0)
+    value[100:110] = [20, 88, 153, 199, 211, 200, 184, 172, 168, 167]
+    value[110:] = 167
+    return 0.036 * np.arange(200), value * STEP
+
+
+def test_the_top_of_an_overshoot_is_no_glitch():
+    t_s, value = overshoot()
+    assert not lonely(value, STEP).all()
+    assert sound(t_s, value, STEP).all()
+
+
+@pytest.mark.parametrize("place", [1, 50, 104, 107, 198])
+def test_a_wild_angle_is_a_glitch_before_during_and_after_the_step(place):
+    t_s, value = overshoot()
+    value[place] = -300 * STEP
+    assert np.flatnonzero(~sound(t_s, value, STEP)).tolist() == [place]
 
 
 def test_a_hole_in_a_recording_is_no_glitch():
