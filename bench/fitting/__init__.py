@@ -12,11 +12,12 @@ common with the drive of :mod:`sim.drive.kernel`. The ways:
   stepped through the logs by a loop in Python, 5 ms a step, logs side by side in NumPy arrays;
 * **MuJoCo's** (https://github.com/google-deepmind/mujoco, Apache-2.0: ``python/mujoco/sysid`` of
   4.0.0, ``_src/optimize.py`` and ``_src/residual.py``): least squares within a box by
-  ``mujoco.minimize``, finite differences of the default step, rollouts of ``mujoco.rollout`` on all
-  cores. Friction that grows with load is none of the engine's: there its parameter is set from
-  Python before every step, as its toolbox's ``custom_rollout`` allows and bam's ``mujoco.py`` does.
+  ``mujoco.minimize``, rollouts by ``mujoco.rollout`` on all cores; finite differences of its
+  default step, 1.5e-8, and of a longer one that a caller may ask for. Friction that grows with load
+  is none of the engine's: there its parameter is set from Python before every step, as the
+  toolbox's ``custom_rollout`` allows and bam's ``mujoco.py`` does.
 
 The optimiser and the rollouts of MuJoCo are the real ones; bam's are written anew after the files
-named, with pycma in place of optuna's sampler (same box, first point, first deviation, candidates a
+named, with pycma in place of optuna's sampler (same first point, first deviation and candidates a
 generation). The restarts of bam's ``bipop`` are left out: each search ends where it converges.
 """

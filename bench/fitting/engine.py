@@ -31,6 +31,9 @@ BALLAST_KG = 10.0  #: any mass will do: it makes gravity's torque by where its c
 #: of dry friction: as stiff as the engine's time step lets it be, so that a held joint stays
 SOLREF, SOLIMP = (2.0 * TICK_S, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
 MOST_STEPS = 200  #: source: mujoco.sysid, ``max_iters``
+STEP = float(np.finfo(np.float64).eps ** 0.5)  #: source: mujoco.minimize, ``eps``
+#: a step that dry friction's roughness does not hide; the shortest of those tried (1e-4, 1e-2)
+LONG_STEP = 1e-4
 
 
 class MujocoReplay(Replayed):
@@ -136,8 +139,11 @@ def _document(plain: Plain) -> str:
     )
 
 
-def by_differences(problem: Problem, replay: Residuals) -> Floats:
-    """MuJoCo's way: its own least squares within the box, with what ``mujoco.sysid`` hands it."""
+def by_differences(problem: Problem, replay: Residuals, step: float = STEP) -> Floats:
+    """MuJoCo's own least squares within the box, with what ``mujoco.sysid`` hands it.
+
+    ``step`` is that of the differences, in typical sizes of the numbers.
+    """
     scale = float(np.sqrt(np.mean(_recorded(problem.fitted) ** 2)))
 
     def residual(columns: Floats) -> Floats:
@@ -148,6 +154,7 @@ def by_differences(problem: Problem, replay: Residuals) -> Floats:
         problem.start,
         residual,
         bounds=list(problem.box),
+        eps=step,
         max_iter=MOST_STEPS,
         verbose=minimize.Verbosity.SILENT,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 
 import cma
@@ -134,7 +135,9 @@ def ways() -> dict[str, Way]:
         LOOP: Way(by_evolution, LoopReplay, absolute=True),
     }
     if find_spec("mujoco") is not None:
-        from .engine import MujocoReplay, by_differences  # noqa: PLC0415
+        from .engine import LONG_STEP, MujocoReplay, by_differences  # noqa: PLC0415
 
-        found["MuJoCo's: differences"] = Way(by_differences, MujocoReplay)
+        found["MuJoCo's, default step"] = Way(by_differences, MujocoReplay)
+        longer = partial(by_differences, step=LONG_STEP)
+        found[f"MuJoCo's, step {LONG_STEP:g}"] = Way(longer, MujocoReplay)
     return found

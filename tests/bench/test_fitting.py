@@ -17,7 +17,7 @@ from bench.recording import RecordingError
 
 SHORT_S = 2.0
 ROUNDING_RAD = 2.0 * np.pi / 4096 / np.sqrt(12.0)  #: deviation of a register's rounding
-MUJOCO = "MuJoCo's: differences"
+MUJOCO = "MuJoCo's, "
 
 
 def short(model):
@@ -59,9 +59,12 @@ def test_the_loop_of_5_ms_moves_nearly_so(model):
         assert at_truth < 0.5 * rms(LoopReplay, logs, problem, problem.start)
 
 
-@pytest.mark.parametrize("name", [OURS, "ours, as a diagnosis", EVOLUTION, MUJOCO])
+@pytest.mark.parametrize(
+    "name",
+    [OURS, "ours, as a diagnosis", EVOLUTION, MUJOCO + "default step", MUJOCO + "step 0.0001"],
+)
 def test_each_way_finds_the_torque_constant_and_the_dry_friction(name):
-    if name == MUJOCO:
+    if name.startswith(MUJOCO):
         engine()
     problem = short("M1")
     found = run(ways()[name], problem, inf, lambda error: None)
