@@ -2,7 +2,8 @@
 
 A *replay* is what happened at the port of one servo: commands with their times, and the instants at
 which its registers were sampled. A *candidate* is what the servo and its load may be. Every pair of
-them is a job of :func:`sim.drive.kernel.rollout`; jobs are shared over threads.
+them is a job of :func:`sim.drive.kernel.rollout`. Jobs that are alike are rolled out in groups, in
+lockstep; groups are shared over threads.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .drive import kernel
-from .drive.kernel import Array, Arrays, Jobs
+from .drive.kernel import Array, Jobs
 from .robot import PhysicalRobot
 from .stepped import TICK_S
 
@@ -136,10 +137,10 @@ class Batch:
 
     def run(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> list[Array]:
         """Run candidate ``k`` on replay ``replays[k]``; a (samples, CHANNELS) array for each."""
-        arrays, loads, jobs = self._jobs(candidates, replays)
+        groups, jobs = self._jobs(candidates, replays)
         longest = max(len(self.replays[r].samples) for r in replays)
         out = np.full((len(candidates), longest, kernel.CHANNELS), np.nan)
-        self._share(arrays, loads, jobs, out)
+        self._share(groups, jobs, out)
         return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
 
     def regulate(
@@ -150,9 +151,7 @@ class Batch:
         ``sensed_rad`` is what each replay's servo showed at the replay's samples. It is the
         controller's own sensor, so zero and linearity of the sensor play no part.
         """
-        arrays, _, jobs = self._jobs(candidates, replays)
-        arrays.params[kernel.ZERO_OFFSET] = 0.0
-        arrays.params[kernel.WAVE] = 0.0
+        groups, jobs = self._jobs(candidates, replays)
         longest = max(len(self.replays[r].samples) for r in replays)
         out = np.full((len(candidates), longest), np.nan)
         sensed = np.zeros_like(out)
@@ -161,7 +160,7 @@ class Batch:
         tasks = [
             _pool(self._threads).submit(
                 kernel.regulate,
-                arrays,
+                groups,
                 np.array([c.skew_s for c in candidates]),
                 jobs,
                 sensed,
@@ -170,34 +169,32 @@ class Batch:
                 last,
                 out,
             )
-            for first, last in self._parts(len(candidates))
+            for first, last in self._parts(len(jobs.number))
         ]
         for task in tasks:
             task.result()
         return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
 
-    def _jobs(
-        self, candidates: Sequence[Candidate], replays: Sequence[int]
-    ) -> tuple[Arrays, Array, Jobs]:
-        count = len(candidates)
-        arrays = Arrays(  # transposed, so that what one job looks at lies together in memory
-            np.stack([c.drive for c in candidates]).T,
-            np.zeros((count, kernel.STATES)).T,
-            np.stack([self.replays[r].start for r in replays]).T,
-            np.array([[c.voltage_v, c.source_ohm] for c in candidates]).T,
-        )
-        loads = np.zeros((count, kernel.LOADS)).T
+    def _jobs(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> tuple[Array, Jobs]:
+        rows = np.zeros((len(candidates), kernel.ROWS))
+        supplies, loads = rows[:, kernel.OF_SUPPLIES :], rows[:, kernel.OF_LOADS :]
         for j, (c, r) in enumerate(zip(candidates, replays, strict=True)):
             replay = self.replays[r]
-            loads[kernel.LOAD_INERTIA, j] = c.load.inertia_kg_m2
+            rows[j, : kernel.PARAMS] = c.drive
+            rows[j, kernel.OF_COMMANDS : kernel.OF_SUPPLIES] = replay.start
+            supplies[j, kernel.SUPPLY_VOLTAGE] = c.voltage_v
+            supplies[j, kernel.SUPPLY_RESISTANCE] = c.source_ohm
+            loads[j, kernel.LOAD_INERTIA] = c.load.inertia_kg_m2
             offset = c.drive[kernel.ZERO_OFFSET]
-            loads[kernel.SHAFT_POSITION, j] = replay.position_rad + c.start_offset_rad - offset
-            loads[kernel.SHAFT_VELOCITY, j] = replay.velocity_rad_s
-            loads[kernel.SAMPLE_SKEW, j] = c.skew_s + c.late_s
-            loads[kernel.DUTY_REFRESH, j] = c.load_refresh_s
-            loads[kernel.DUTY_PHASE, j] = c.load_phase_s
+            loads[j, kernel.SHAFT_POSITION] = replay.position_rad + c.start_offset_rad - offset
+            loads[j, kernel.SHAFT_VELOCITY] = replay.velocity_rad_s
+            loads[j, kernel.SAMPLE_SKEW] = c.skew_s + c.late_s
+            loads[j, kernel.DUTY_REFRESH] = c.load_refresh_s
+            loads[j, kernel.DUTY_PHASE] = c.load_phase_s
+        number = self._groups(rows[:, : kernel.PARAMS], self._end_s[np.asarray(replays)])
         gravity = [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]
         jobs = Jobs(
+            number,
             np.asarray(replays, np.int64),
             self._events,
             self._event_range,
@@ -207,13 +204,38 @@ class Batch:
             _ranges([len(c.load.sine_nm) for c in candidates]),
             self._end_s,
         )
-        return arrays, loads, jobs
+        return np.ascontiguousarray(rows[number].swapaxes(1, 2)), jobs
 
-    def _share(self, arrays: Arrays, loads: Array, jobs: Jobs, out: Array) -> None:
-        soft = np.isfinite(arrays.params[kernel.GEAR_STIFFNESS])
+    def _groups(self, params: Array, end_s: Array) -> kernel.Integers:
+        """Jobs that are rolled out together, the longest first: (groups, LANES), -1 is none."""
+        soft = np.isfinite(params[:, kernel.GEAR_STIFFNESS])
+        play = params[:, kernel.BACKLASH] != 0.0
+        falling = (params[:, kernel.FALLING] != 0.0).any(axis=1)
+        kind = 4 * soft + 2 * play + falling
+        order = np.lexsort((-end_s, kind))
+        groups = [
+            alike[k : k + kernel.LANES]
+            for alike in np.split(order, np.flatnonzero(np.diff(kind[order])) + 1)
+            for k in range(0, len(alike), kernel.LANES)
+        ]
+        number = np.full((len(groups), kernel.LANES), -1)
+        for row, group in zip(number, groups, strict=True):
+            row[: len(group)] = group
+        return number
+
+    def _share(self, groups: Array, jobs: Jobs, out: Array) -> None:
+        soft = np.isfinite(groups[:, kernel.GEAR_STIFFNESS, 0])
         tasks = [
             _pool(self._threads).submit(
-                kernel.rollout, arrays, loads, jobs, TICK_S, substeps, first, last, out
+                kernel.rollout,
+                groups,
+                jobs,
+                TICK_S,
+                substeps,
+                first,
+                last,
+                np.empty((kernel.PLACES, kernel.LANES), np.int64),
+                out,
             )
             for first, last, substeps in self._alike(soft)
         ]
@@ -221,7 +243,7 @@ class Batch:
             task.result()
 
     def _alike(self, soft: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-        """Parts of jobs whose gears are all soft or all rigid, and their substeps."""
+        """Parts of groups whose gears are all soft or all rigid, and their substeps."""
         edges = [0, *(np.flatnonzero(soft[1:] != soft[:-1]) + 1).tolist(), len(soft)]
         return [
             (first + begin, last + begin, GEAR_SUBSTEPS if soft[begin] else RIGID_SUBSTEPS)
@@ -230,7 +252,7 @@ class Batch:
         ]
 
     def _parts(self, count: int) -> list[tuple[int, int]]:
-        """Jobs dealt to the threads, a few parts each."""
+        """Groups dealt to the threads, a few parts each."""
         parts = max(1, min(count, 2 * self._threads))
         ends = [count * k // parts for k in range(parts + 1)]
         return list(itertools.pairwise(ends))

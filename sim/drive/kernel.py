@@ -13,7 +13,8 @@ do. The shaft and its load belong
 * to a physics engine (:func:`drive`): the shaft is taken to move at constant velocity within one
   call. A rigid gear (infinite stiffness) is impossible there;
 * or to :func:`rollout`, which moves a load of one joint itself, in the same substeps. There the
-  gear may be rigid: rotor and load are then one mass, which allows much longer steps.
+  gear may be rigid: rotor and load are then one mass, which allows much longer steps. Its jobs go
+  in groups, in lockstep: the compiler makes one vector of the same number of several jobs.
 
 Motor: ``torque = k i / (1 + droop |i|)`` with ``i = (duty V - ke w) / R``; the droop of most is
 0. With torque disabled the bridge is taken to be open: no current, no torque, friction stays
@@ -41,11 +42,17 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+
 
 def compiled(function: Function) -> Function:
     """Compile without reference counts: nothing here allocates, and calls cost a third then."""
-    options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
-    return cast(Function, njit(**options)(function))
+    return cast(Function, njit(**OPTIONS)(function))
+
+
+def inlined(function: Function) -> Function:
+    """The same, into whatever calls it: a loop over lanes becomes one over vectors then."""
+    return cast(Function, njit(forceinline=True, **OPTIONS)(function))
 
 
 # --- parameters: params[field, servo]
@@ -94,6 +101,13 @@ OVERLOAD_DUTY = 41  #: duty that counts as overload, above 1 is never
 OVERLOAD_TIME = 42  #: how long until the drive shuts down [s]
 TORQUE_DROOP = 43  #: how far torque falls behind the current as that grows [1/A]
 PARAMS = 44
+FALLING = (  #: those of friction that falls with velocity
+    STRIBECK,
+    LOAD_MOTOR_STRIBECK,
+    LOAD_EXTERNAL_STRIBECK,
+    QUADRATIC_MOTOR,
+    QUADRATIC_EXTERNAL,
+)
 
 # --- commands: commands[field, servo]; see busemu.plant.DriveCommand
 ENABLED = 0  #: 0 or 1
@@ -151,11 +165,53 @@ OUT_CURRENT = 4  #: of the motor [A]
 OUT_HEAT = 5  #: winding over ambient [K]
 CHANNELS = 6
 
-SUPPLY_EVENT = 100  #: an event's field from here on is one of the supplies'
-
 # --- supplies: supplies[field, group]
 SUPPLY_VOLTAGE = 0  #: without load [V]
 SUPPLY_RESISTANCE = 1  #: of pack and wires [ohm]
+SUPPLIES = 2
+
+# --- what a rollout remembers of its lanes: lanes[field, lane]
+NEXT_EVENT = 0  #: when there is something new to hear [s]
+NEXT_SEEN = 1  #: of what instant the next sample's angle is [s]
+NEXT_SAMPLE = 2  #: when the rest of the next sample is taken [s]
+DUTY_DUE = 3  #: when what a sample shows of the duty is made anew [s]
+DUTY_SHOWN = 4
+COSINE = 5  #: of gravity's torque, see Jobs [N m]
+SINE = 6  #: of gravity's torque [N m]
+TICK_POSITION = 7  #: of the shaft at the beginning of the tick [rad]
+TICK_SENSED = 8  #: of the shaft, as sensed [rad]
+TICK_VELOCITY = 9  #: of the shaft [rad/s]
+PULL = 10  #: of gravity and cable at the beginning of the tick [N m]
+SLOPE = 11  #: of that over the shaft's angle [N m/rad]
+VOLTS = 12  #: see Train
+CONDUCTANCE = 13  #: see Train
+HALT = 14  #: torque that stops a speed of the rotor within a substep [N m s/rad]
+PUSH = 15  #: speed that a torque on the rotor makes within a substep [rad/(s N m)]
+LOAD_HALT = 16  #: the same of the load
+LOAD_PUSH = 17
+CURRENT_SUM = 18  #: over the tick's substeps [A]
+SQUARE_SUM = 19  #: over the tick's substeps [A^2]
+MEMORIES = 20
+
+# --- how far a rollout's lanes are: at[field, lane]
+EVENT = 0  #: number of the next event
+SEEN = 1  #: number of the next sample whose angle is to be seen
+SAMPLE = 2  #: number of the next sample whose rest is to be taken
+TICKS = 3  #: how many ticks there are
+PLACES = 4
+
+# --- a group of jobs, rolled out in lockstep: group[row, lane]. All is in one array: the compiler
+# then knows how far rows lie apart, and that a vector of lanes can be read, moved and written
+LANES = 16  #: in a group; two vectors of eight hide each other's latency
+FEW = 4  #: jobs that are done one after the other rather than as a whole group
+OF_STATES = PARAMS
+OF_COMMANDS = OF_STATES + STATES
+OF_SUPPLIES = OF_COMMANDS + COMMANDS
+OF_LOADS = OF_SUPPLIES + SUPPLIES
+OF_LANES = OF_LOADS + LOADS
+ROWS = OF_LANES + MEMORIES
+
+SUPPLY_EVENT = 100  #: an event's field from here on is one of the supplies'
 
 
 class Arrays(NamedTuple):
@@ -171,7 +227,6 @@ class Train(NamedTuple):
     """What the rotor's motion within one tick takes from the arrays, as plain numbers."""
 
     volts: float  #: at the bridge, 0 when it is open
-    resistance: float
     conductance: float  #: of the winding, 0 when the bridge is open
     torque_constant: float
     back_emf: float
@@ -194,23 +249,29 @@ class Train(NamedTuple):
     half_backlash: float
 
 
-@compiled
-def train(arrays: Arrays, i: int) -> Train:
-    """One servo's drive train, with the bridge and the winding as they are now."""
-    params, states = arrays.params, arrays.states
+@inlined
+def falling(params: Array, i: int) -> bool:
+    """Whether any term of a servo's friction falls with velocity."""
+    found = False
+    for field in FALLING:
+        found |= params[field, i] != 0.0
+    return found
+
+
+@inlined
+def bridge(arrays: Arrays, i: int) -> tuple[float, float]:
+    """Voltage at a winding [V] and its conductance [S], both 0 while the bridge is open."""
     closed = 1.0 if running(arrays, i) else 0.0
-    slow = (
-        params[STRIBECK, i] != 0.0
-        or params[LOAD_MOTOR_STRIBECK, i] != 0.0
-        or params[LOAD_EXTERNAL_STRIBECK, i] != 0.0
-        or params[QUADRATIC_MOTOR, i] != 0.0
-        or params[QUADRATIC_EXTERNAL, i] != 0.0
-    )
-    resistance = winding_resistance(arrays, i)
+    volts = closed * arrays.states[DUTY, i] * arrays.states[VOLTAGE, i]
+    return volts, closed / winding_resistance(arrays, i)
+
+
+@inlined
+def train(params: Array, i: int, volts: float, conductance: float, slow: bool) -> Train:
+    """One servo's drive train; see :func:`bridge` and :func:`falling`."""
     return Train(
-        closed * states[DUTY, i] * states[VOLTAGE, i],
-        resistance,
-        closed / resistance,
+        volts,
+        conductance,
         params[TORQUE_CONSTANT, i],
         params[BACK_EMF, i],
         params[CURRENT_CAP, i],
@@ -233,7 +294,7 @@ def train(arrays: Arrays, i: int) -> Train:
     )
 
 
-@compiled
+@inlined
 def friction_level(t: Train, velocity: float, motor: float, external: float) -> float:
     """Largest friction torque [N m] at a velocity [rad/s], motor and external torque [N m]."""
     level = t.coulomb + t.viscous * abs(velocity)
@@ -251,14 +312,14 @@ def friction_level(t: Train, velocity: float, motor: float, external: float) -> 
     return float(level)
 
 
-@compiled
+@inlined
 def motor_current(t: Train, speed: float) -> float:
     """Current of a motor at a rotor's velocity [A]."""
     current = t.conductance * (t.volts - t.back_emf * speed)
     return float(min(t.current_cap, max(-t.current_cap, current)))
 
 
-@compiled
+@inlined
 def motor_torque(t: Train, current: float) -> float:
     """Torque of a motor at a current, before friction [N m]."""
     torque = t.torque_constant * current
@@ -267,7 +328,7 @@ def motor_torque(t: Train, current: float) -> float:
     return float(torque / (1.0 + t.torque_droop * abs(current)))
 
 
-@compiled
+@inlined
 def gear_torque(t: Train, twist: float, twist_rate: float) -> float:
     """Torque of the rotor on the output shaft [N m] at a twist of the gear [rad, rad/s]."""
     if t.half_backlash > 0.0:
@@ -280,10 +341,13 @@ def gear_torque(t: Train, twist: float, twist_rate: float) -> float:
     return float(t.stiffness * twist + t.damping * twist_rate)
 
 
-@compiled
+@inlined
 def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> float:
     """Duty of the position law at one tick, before the duty limit; moves ramp and integral."""
     states, commands = arrays.states, arrays.commands
+    # both are read: a row that depends on the error could not be read for many lanes at once
+    cw_gain, cw_margin = commands[GAIN_CW, i], commands[MARGIN_CW, i]
+    ccw_gain, ccw_margin = commands[GAIN_CCW, i], commands[MARGIN_CCW, i]
     if states[WAS_REGULATING, i] == 0.0:
         states[RAMP, i] = position
         states[INTEGRAL, i] = 0.0
@@ -299,9 +363,9 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
         states[RAMP, i] = commands[GOAL_POSITION, i]
     error = states[RAMP, i] - position
     if error > 0.0:
-        gain, margin, sign = commands[GAIN_CCW, i], commands[MARGIN_CCW, i], 1.0
+        gain, margin, sign = ccw_gain, ccw_margin, 1.0
     else:
-        gain, margin, sign = commands[GAIN_CW, i], commands[MARGIN_CW, i], -1.0
+        gain, margin, sign = cw_gain, cw_margin, -1.0
     gain *= params[GAIN_SCALE, i]
     beyond = abs(error) - (margin + params[MARGIN_MORE, i])
     if beyond <= 0.0:
@@ -316,7 +380,7 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
     return float(duty - damping * moved / tick_s)
 
 
-@compiled
+@inlined
 def sense(params: Array, i: int, position: float) -> float:
     """What the position sensor makes of the output shaft's angle, both [rad]."""
     if params[WAVE, i] != 0.0:
@@ -325,11 +389,13 @@ def sense(params: Array, i: int, position: float) -> float:
     return float(position + params[ZERO_OFFSET, i])
 
 
-@compiled
-def control_one(arrays: Arrays, i: int, position: float, velocity: float, tick_s: float) -> None:
-    """One tick of one servo's firmware: sets the duty that holds until the next tick."""
+@inlined
+def control_one(arrays: Arrays, i: int, sensed: float, velocity: float, tick_s: float) -> None:
+    """One tick of one servo's firmware: sets the duty that holds until the next tick.
+
+    ``sensed`` is what :func:`sense` makes of the shaft's angle.
+    """
     params, states, commands = arrays.params, arrays.states, arrays.commands
-    sensed = sense(params, i, position)
     if params[SENSOR_STEP, i] > 0.0:
         sensed = math.floor(sensed / params[SENSOR_STEP, i] + 0.5) * params[SENSOR_STEP, i]
     mode = commands[MODE, i]
@@ -360,7 +426,7 @@ def control_one(arrays: Arrays, i: int, position: float, velocity: float, tick_s
                 states[OVERLOADED, i] = -1.0
 
 
-@compiled
+@inlined
 def running(arrays: Arrays, i: int) -> bool:
     """Whether torque is enabled and the drive has not shut down."""
     return bool(arrays.commands[ENABLED, i] != 0.0 and arrays.states[OVERLOADED, i] >= 0.0)
@@ -373,10 +439,10 @@ def control(arrays: Arrays, position: Array, velocity: Array, tick_s: float) -> 
     ``position`` [rad] and ``velocity`` [rad/s] are those of the output shafts at the tick.
     """
     for i in range(position.size):
-        control_one(arrays, i, position[i], velocity[i], tick_s)
+        control_one(arrays, i, sense(arrays.params, i, position[i]), velocity[i], tick_s)
 
 
-@compiled
+@inlined
 def winding_resistance(arrays: Arrays, i: int) -> float:
     """Resistance of a winding at its temperature [ohm]."""
     params, states = arrays.params, arrays.states
@@ -384,7 +450,7 @@ def winding_resistance(arrays: Arrays, i: int) -> float:
     return float(params[RESISTANCE, i] * (1.0 + params[RESISTANCE_RISE, i] * heat))
 
 
-@compiled
+@inlined
 def share_supply(arrays: Arrays, group: int, first: int, last: int) -> None:
     """Terminal voltage of the servos ``first`` to ``last - 1``, with the sag their current causes.
 
@@ -409,7 +475,7 @@ def share_supply(arrays: Arrays, group: int, first: int, last: int) -> None:
         states[VOLTAGE, i] = voltage
 
 
-@compiled
+@inlined
 def warm(arrays: Arrays, i: int, power: float, step_s: float) -> None:
     """Heat of winding and case after ``step_s`` at a mean loss [W]."""
     params, states = arrays.params, arrays.states
@@ -419,7 +485,7 @@ def warm(arrays: Arrays, i: int, power: float, step_s: float) -> None:
     states[WINDING_HEAT, i] += step_s / params[WINDING_HEAT_TIME, i] * gain
 
 
-@compiled
+@inlined
 def cable_torque(params: Array, i: int, position: float) -> float:
     """Torque of a cable on the output shaft [N m]."""
     return float(params[CABLE_STIFFNESS, i] * (params[CABLE_REST, i] - position))
@@ -439,7 +505,8 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
         share_supply(arrays, g, g * size, (g + 1) * size)
     dt = step_s / substeps
     for i in range(position.size):
-        t = train(arrays, i)
+        volts, conductance = bridge(arrays, i)
+        t = train(params, i, volts, conductance, falling(params, i))
         inertia = params[ROTOR_INERTIA, i]
         halt, push = inertia / dt, dt / inertia  # torque that stops a speed, speed that one makes
         outer, pace = position[i], velocity[i]
@@ -466,7 +533,7 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
         if params[CABLE_STIFFNESS, i] != 0.0:
             states[TORQUE, i] += cable_torque(params, i, position[i])
         states[CURRENT, i] = current_sum / substeps
-        warm(arrays, i, t.resistance * square_sum / substeps, step_s)
+        warm(arrays, i, winding_resistance(arrays, i) * square_sum / substeps, step_s)
 
 
 @compiled
@@ -501,6 +568,7 @@ def move(
 class Jobs(NamedTuple):
     """What the jobs of one :func:`rollout` have to do; jobs of one recording share its events.
 
+    ``number`` (groups, LANES) says which job a lane has; lanes without one come last and say -1.
     ``recording`` (jobs,) says which. ``events`` (n, 3) are time [s], field and value, ``samples``
     (n,) times [s], both ascending within a recording and from ``event_range`` and ``sample_range``
     (recordings + 1,). The torque of gravity is ``cos(q) gravity[0] - sin(q) gravity[1]`` with the
@@ -508,6 +576,7 @@ class Jobs(NamedTuple):
     time and interpolated; one row is a constant. ``end_s`` (recordings,) ends the rollout.
     """
 
+    number: Integers
     recording: Integers
     events: Array
     event_range: Integers
@@ -518,121 +587,264 @@ class Jobs(NamedTuple):
     end_s: Array
 
 
+@inlined
+def drives(group: Array) -> Arrays:
+    """The part of a group that :func:`drive` and :func:`control` know, too."""
+    return Arrays(
+        group[:OF_STATES],
+        group[OF_STATES:OF_COMMANDS],
+        group[OF_COMMANDS:OF_SUPPLIES],
+        group[OF_SUPPLIES:OF_LOADS],
+    )
+
+
+@inlined
+def rigid_gear(params: Array, i: int) -> bool:
+    """Whether a rotor and its load are one mass."""
+    return bool(math.isinf(params[GEAR_STIFFNESS, i]) and params[BACKLASH, i] == 0.0)
+
+
 @compiled
 def rollout(
-    arrays: Arrays,
-    loads: Array,
+    groups: Array,
     jobs: Jobs,
     tick_s: float,
     substeps: int,
     first: int,
     last: int,
+    at: Integers,
     out: Array,
 ) -> None:
-    """Run the jobs ``first`` to ``last - 1``, each from its start, into ``out[job, sample]``.
+    """Run the groups ``first`` to ``last - 1``, each job from its start, into ``out[job, sample]``.
 
-    One column of ``arrays`` and ``loads`` a job, and one supply. The rotor's inertia and a rigid
-    gear (infinite stiffness) make one mass with the load.
+    ``groups`` (groups, ROWS, LANES): a lane is a job with a supply of its own. The rotor's inertia
+    and a rigid gear (infinite stiffness) make one mass with the load. The gears of a group are all
+    rigid or none is; so it is with friction that falls with velocity. ``at`` (PLACES, LANES) is
+    written on. What a job gives depends on the job alone.
     """
-    for job in range(first, last):
-        roll_one(arrays, loads, jobs, tick_s, substeps, job, out)
+    for g in range(first, last):
+        live = begin(groups[g], jobs, jobs.number[g], tick_s, substeps, at)
+        roll(groups[g], jobs, jobs.number[g], live, tick_s, substeps, at, out)
 
 
 @compiled
-def roll_one(  # noqa: PLR0912, PLR0915 - one loop, compiled as one
-    arrays: Arrays, loads: Array, jobs: Jobs, tick_s: float, substeps: int, job: int, out: Array
-) -> None:
-    """One job of :func:`rollout`."""
-    params, states, commands, supplies = arrays
-    recording = jobs.recording[job]
-    event, last_event = jobs.event_range[recording], jobs.event_range[recording + 1]
-    sample, last_sample = jobs.sample_range[recording], jobs.sample_range[recording + 1]
-    first_sample = seen = sample  # what the sensor shows may be of another instant than the rest
-    low, rows = jobs.gravity_range[job], jobs.gravity_range[job + 1] - jobs.gravity_range[job]
-    sine, cosine = jobs.gravity[low, 1], jobs.gravity[low, 0]
-    end = jobs.end_s[recording]
-    rigid = math.isinf(params[GEAR_STIFFNESS, job]) and params[BACKLASH, job] == 0.0
-    rotor_inertia, load_inertia = params[ROTOR_INERTIA, job], loads[LOAD_INERTIA, job]
-    if rigid:
-        rotor_inertia += load_inertia
+def begin(
+    group: Array, jobs: Jobs, number: Integers, tick_s: float, substeps: int, at: Integers
+) -> int:
+    """Put the lanes of one group at their jobs' beginnings; how many have a job."""
+    params, states = drives(group).params, drives(group).states
+    loads, lanes = group[OF_LOADS:OF_LANES], group[OF_LANES:]
     dt = tick_s / substeps
-    halt, push = rotor_inertia / dt, dt / rotor_inertia  # as in drive()
-    load_halt, load_push = load_inertia / dt, dt / load_inertia
-    shaft, pace = loads[SHAFT_POSITION, job], loads[SHAFT_VELOCITY, job]
-    bearing = loads[SHAFT_FRICTION, job]
-    skew, refresh = loads[SAMPLE_SKEW, job], loads[DUTY_REFRESH, job]
-    shown, due = 0.0, loads[DUTY_PHASE, job]
-    states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job] = shaft, pace
-    ticks = math.ceil((end + max(0.0, skew)) / tick_s) + 1
-    for tick in range(ticks):
+    live = 0
+    for k in range(LANES):
+        job = number[k]
+        if job < 0:
+            break
+        live += 1
+        recording = jobs.recording[job]
+        end, skew = jobs.end_s[recording], loads[SAMPLE_SKEW, k]
+        at[TICKS, k] = math.ceil((end + max(0.0, skew)) / tick_s) + 1
+        at[EVENT, k] = jobs.event_range[recording]
+        at[SEEN, k] = at[SAMPLE, k] = jobs.sample_range[recording]
+        lanes[NEXT_EVENT, k] = lanes[NEXT_SEEN, k] = lanes[NEXT_SAMPLE, k] = -math.inf
+        lanes[DUTY_DUE, k], lanes[DUTY_SHOWN, k] = loads[DUTY_PHASE, k], 0.0
+        low = jobs.gravity_range[job]
+        lanes[COSINE, k], lanes[SINE, k] = jobs.gravity[low, 0], jobs.gravity[low, 1]
+        states[ROTOR_POSITION, k] = loads[SHAFT_POSITION, k]
+        states[ROTOR_VELOCITY, k] = loads[SHAFT_VELOCITY, k]
+        inertia, load_inertia = params[ROTOR_INERTIA, k], loads[LOAD_INERTIA, k]
+        if rigid_gear(params, k):
+            inertia += load_inertia
+        lanes[HALT, k], lanes[PUSH, k] = inertia / dt, dt / inertia  # as in drive()
+        lanes[LOAD_HALT, k], lanes[LOAD_PUSH, k] = load_inertia / dt, dt / load_inertia
+    return live
+
+
+@compiled
+def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors of
+    group: Array,
+    jobs: Jobs,
+    number: Integers,
+    live: int,
+    tick_s: float,
+    substeps: int,
+    at: Integers,
+    out: Array,
+) -> None:
+    """Roll out one group, whose first ``live`` lanes have a job.
+
+    What is different in every lane is done lane by lane, the rest in loops over all: lanes without
+    a job or beyond its end go along, and nobody looks at them.
+    """
+    if group.shape[0] != ROWS or group.shape[1] != LANES:
+        return  # never, but the compiler knows the shape from here on
+    arrays, loads, lanes = drives(group), group[OF_LOADS:OF_LANES], group[OF_LANES:]
+    params, states = arrays.params, arrays.states
+    rigid, slow = rigid_gear(params, 0), falling(params, 0)
+    dt = tick_s / substeps
+    tick = 0
+    while live > 0:
         now = tick * tick_s
-        while event < last_event and jobs.events[event, 0] + params[DELAY, job] <= now:
-            field = int(jobs.events[event, 1])
-            if field >= SUPPLY_EVENT:
-                supplies[field - SUPPLY_EVENT, job] = jobs.events[event, 2]
-            else:
-                commands[field, job] = jobs.events[event, 2]
-            event += 1
-        before, before_pace = sense(params, job, shaft), pace
-        control_one(arrays, job, shaft, pace, tick_s)
-        if now >= due:
-            shown = states[DUTY, job]
-            due += refresh
-        share_supply(arrays, job, job, job + 1)
-        if rows > 1:
-            place = now / end * (rows - 1)
-            k = min(int(place), rows - 2)
-            part = place - k
-            sine = (1.0 - part) * jobs.gravity[low + k, 1] + part * jobs.gravity[low + k + 1, 1]
-            cosine = (1.0 - part) * jobs.gravity[low + k, 0] + part * jobs.gravity[low + k + 1, 0]
-        t = train(arrays, job)
-        angle, speed = states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job]
-        current_sum, square_sum = 0.0, 0.0
-        # gravity and cable are linear within a tick: a joint moves some mrad
-        tick_shaft, sin, cos = shaft, math.sin(shaft), math.cos(shaft)
-        pull = cosine * cos - sine * sin + cable_torque(params, job, shaft)
-        slope = -cosine * sin - sine * cos - params[CABLE_STIFFNESS, job]
-        for _ in range(substeps):
-            outer = pull + slope * (shaft - tick_shaft)
+        for k in range(live):
+            if now >= lanes[NEXT_EVENT, k]:
+                hear(arrays, jobs, number[k], k, now, lanes, at)
+            hang(params, loads, jobs, number[k], k, now, lanes)
+        for k in range(LANES):
+            control_one(arrays, k, lanes[TICK_SENSED, k], lanes[TICK_VELOCITY, k], tick_s)
+        for k in range(LANES):
+            if now >= lanes[DUTY_DUE, k]:
+                lanes[DUTY_SHOWN, k] = states[DUTY, k]
+                lanes[DUTY_DUE, k] += loads[DUTY_REFRESH, k]
+        for k in range(LANES):
+            share_supply(arrays, k, k, k + 1)
+        for k in range(LANES):
+            lanes[VOLTS, k], lanes[CONDUCTANCE, k] = bridge(arrays, k)
+            lanes[CURRENT_SUM, k], lanes[SQUARE_SUM, k] = 0.0, 0.0
+        # the same each time; told what does not change, the compiler makes vectors of the last two
+        if slow or live < FEW:
+            turn(arrays, loads, lanes, live, dt, substeps, rigid, slow)
+        elif rigid:
+            turn(arrays, loads, lanes, LANES, dt, substeps, True, False)
+        else:
+            turn(arrays, loads, lanes, LANES, dt, substeps, False, False)
+        for k in range(LANES):
+            states[CURRENT, k] = lanes[CURRENT_SUM, k] / substeps
+            power = winding_resistance(arrays, k) * lanes[SQUARE_SUM, k] / substeps
+            warm(arrays, k, power, tick_s)
+        for k in range(live):
+            if min(lanes[NEXT_SEEN, k], lanes[NEXT_SAMPLE, k]) <= now + tick_s:
+                show(arrays, loads, jobs, number[k], k, now, tick_s, lanes, at, out)
+        tick += 1
+        while live > 0 and at[TICKS, live - 1] <= tick:
+            live -= 1
+
+
+@inlined
+def hear(
+    arrays: Arrays, jobs: Jobs, job: int, k: int, now: float, lanes: Array, at: Integers
+) -> None:
+    """Let what a lane was told until now hold."""
+    event, last_event = at[EVENT, k], jobs.event_range[jobs.recording[job] + 1]
+    while event < last_event and jobs.events[event, 0] + arrays.params[DELAY, k] <= now:
+        field = int(jobs.events[event, 1])
+        if field >= SUPPLY_EVENT:
+            arrays.supplies[field - SUPPLY_EVENT, k] = jobs.events[event, 2]
+        else:
+            arrays.commands[field, k] = jobs.events[event, 2]
+        event += 1
+    at[EVENT, k] = event
+    lanes[NEXT_EVENT, k] = math.inf
+    if event < last_event:
+        lanes[NEXT_EVENT, k] = jobs.events[event, 0] + arrays.params[DELAY, k]
+
+
+@inlined
+def hang(
+    params: Array, loads: Array, jobs: Jobs, job: int, k: int, now: float, lanes: Array
+) -> None:
+    """Where a lane's shaft is when a tick begins, and what gravity and its cable pull there."""
+    low, rows = jobs.gravity_range[job], jobs.gravity_range[job + 1] - jobs.gravity_range[job]
+    end = jobs.end_s[jobs.recording[job]]
+    if rows > 1 and end > 0.0:
+        place = now / end * (rows - 1)
+        row = min(int(place), rows - 2)
+        part = place - row
+        row += low
+        lanes[SINE, k] = (1.0 - part) * jobs.gravity[row, 1] + part * jobs.gravity[row + 1, 1]
+        lanes[COSINE, k] = (1.0 - part) * jobs.gravity[row, 0] + part * jobs.gravity[row + 1, 0]
+    shaft = loads[SHAFT_POSITION, k]
+    lanes[TICK_POSITION, k], lanes[TICK_SENSED, k] = shaft, sense(params, k, shaft)
+    lanes[TICK_VELOCITY, k] = loads[SHAFT_VELOCITY, k]
+    # both are linear within a tick: a joint moves some mrad
+    sin, cos, sine, cosine = math.sin(shaft), math.cos(shaft), lanes[SINE, k], lanes[COSINE, k]
+    lanes[PULL, k] = cosine * cos - sine * sin + cable_torque(params, k, shaft)
+    lanes[SLOPE, k] = -cosine * sin - sine * cos - params[CABLE_STIFFNESS, k]
+
+
+@inlined
+def turn(
+    arrays: Arrays,
+    loads: Array,
+    lanes: Array,
+    count: int,
+    dt: float,
+    substeps: int,
+    rigid: bool,
+    slow: bool,
+) -> None:
+    """Move the rotors and shafts of the first ``count`` lanes by one tick."""
+    params, states = arrays.params, arrays.states
+    for _ in range(substeps):
+        for k in range(count):
+            t = train(params, k, lanes[VOLTS, k], lanes[CONDUCTANCE, k], slow)
+            angle, speed = states[ROTOR_POSITION, k], states[ROTOR_VELOCITY, k]
+            shaft, pace = loads[SHAFT_POSITION, k], loads[SHAFT_VELOCITY, k]
+            outer = lanes[PULL, k] + lanes[SLOPE, k] * (shaft - lanes[TICK_POSITION, k])
             current = motor_current(t, speed)
             motor = motor_torque(t, current)
             load = -outer
             if not rigid:
                 load = gear_torque(t, angle - shaft, speed - pace)
             level = friction_level(t, speed, motor, -load)
-            stop = -(halt * speed + motor - load)
-            speed += push * (motor - load + min(level, max(-level, stop)))
+            stop = -(lanes[HALT, k] * speed + motor - load)
+            speed += lanes[PUSH, k] * (motor - load + min(level, max(-level, stop)))
             angle += dt * speed
             if rigid:
                 shaft, pace = angle, speed
             else:
-                stop = -(load_halt * pace + load + outer)
-                pace += load_push * (load + outer + min(bearing, max(-bearing, stop)))
+                bearing = loads[SHAFT_FRICTION, k]
+                stop = -(lanes[LOAD_HALT, k] * pace + load + outer)
+                held = min(bearing, max(-bearing, stop))
+                pace += lanes[LOAD_PUSH, k] * (load + outer + held)
                 shaft += dt * pace
-            current_sum += current
-            square_sum += current * current
-        states[ROTOR_POSITION, job], states[ROTOR_VELOCITY, job] = angle, speed
-        states[CURRENT, job] = current_sum / substeps
-        warm(arrays, job, t.resistance * square_sum / substeps, tick_s)
-        after = sense(params, job, shaft)
-        while seen < last_sample and jobs.samples[seen] + skew <= now + tick_s:
-            part = max(0.0, (jobs.samples[seen] + skew - now) / tick_s)
-            row = out[job, seen - first_sample]
-            row[OUT_POSITION] = before + part * (after - before)
-            row[OUT_VELOCITY] = before_pace + part * (pace - before_pace)
-            seen += 1
-        while sample < last_sample and jobs.samples[sample] <= now + tick_s:
-            row = out[job, sample - first_sample]
-            row[OUT_DUTY] = shown
-            row[OUT_VOLTAGE] = states[VOLTAGE, job]
-            row[OUT_CURRENT] = states[CURRENT, job]
-            row[OUT_HEAT] = states[HEAT, job] + states[WINDING_HEAT, job]
-            sample += 1
+            states[ROTOR_POSITION, k], states[ROTOR_VELOCITY, k] = angle, speed
+            loads[SHAFT_POSITION, k], loads[SHAFT_VELOCITY, k] = shaft, pace
+            lanes[CURRENT_SUM, k] += current
+            lanes[SQUARE_SUM, k] += current * current
+
+
+@inlined
+def show(
+    arrays: Arrays,
+    loads: Array,
+    jobs: Jobs,
+    job: int,
+    k: int,
+    now: float,
+    tick_s: float,
+    lanes: Array,
+    at: Integers,
+    out: Array,
+) -> None:
+    """Put down the samples of a lane that are taken within a tick."""
+    states = arrays.states
+    recording = jobs.recording[job]
+    first, last = jobs.sample_range[recording], jobs.sample_range[recording + 1]
+    seen, skew = at[SEEN, k], loads[SAMPLE_SKEW, k]
+    before, before_pace = lanes[TICK_SENSED, k], lanes[TICK_VELOCITY, k]
+    after, pace = sense(arrays.params, k, loads[SHAFT_POSITION, k]), loads[SHAFT_VELOCITY, k]
+    while seen < last and jobs.samples[seen] + skew <= now + tick_s:
+        part = max(0.0, (jobs.samples[seen] + skew - now) / tick_s)
+        row = out[job, seen - first]
+        row[OUT_POSITION] = before + part * (after - before)
+        row[OUT_VELOCITY] = before_pace + part * (pace - before_pace)
+        seen += 1
+    sample = at[SAMPLE, k]
+    while sample < last and jobs.samples[sample] <= now + tick_s:
+        row = out[job, sample - first]
+        row[OUT_DUTY] = lanes[DUTY_SHOWN, k]
+        row[OUT_VOLTAGE] = states[VOLTAGE, k]
+        row[OUT_CURRENT] = states[CURRENT, k]
+        row[OUT_HEAT] = states[HEAT, k] + states[WINDING_HEAT, k]
+        sample += 1
+    at[SEEN, k], at[SAMPLE, k] = seen, sample
+    lanes[NEXT_SEEN, k] = jobs.samples[seen] + skew if seen < last else math.inf
+    lanes[NEXT_SAMPLE, k] = jobs.samples[sample] if sample < last else math.inf
 
 
 @compiled
 def regulate(
-    arrays: Arrays,
+    groups: Array,
     skew: Array,
     jobs: Jobs,
     sensed: Array,
@@ -641,19 +853,30 @@ def regulate(
     last: int,
     out: Array,
 ) -> None:
-    """Duty of some jobs' controllers along given angles, into ``out`` (jobs, samples).
+    """Duty of some groups' controllers along given angles, into ``out`` (jobs, samples).
 
     ``sensed`` (jobs, samples) is what the servo showed at the job's samples, and sensed ``skew``
     (jobs) [s] after them; between those instants the shaft is taken to move evenly. What the motor
     makes of the duty plays no part.
     """
-    for job in range(first, last):
-        regulate_one(arrays, skew[job], jobs, sensed, tick_s, job, out)
+    for g in range(first, last):
+        arrays = drives(groups[g])
+        for k in range(LANES):
+            job = jobs.number[g, k]
+            if job >= 0:
+                regulate_one(arrays, k, skew[job], jobs, sensed, tick_s, job, out)
 
 
 @compiled
 def regulate_one(
-    arrays: Arrays, skew: float, jobs: Jobs, sensed: Array, tick_s: float, job: int, out: Array
+    arrays: Arrays,
+    k: int,
+    skew: float,
+    jobs: Jobs,
+    sensed: Array,
+    tick_s: float,
+    job: int,
+    out: Array,
 ) -> None:
     """One job of :func:`regulate`."""
     params, commands = arrays.params, arrays.commands
@@ -663,20 +886,20 @@ def regulate_one(
     sample, seen, tick = first, first, 0
     while sample < last:
         now = tick * tick_s
-        while event < last_event and jobs.events[event, 0] + params[DELAY, job] <= now:
+        while event < last_event and jobs.events[event, 0] + params[DELAY, k] <= now:
             field = int(jobs.events[event, 1])
             if field < SUPPLY_EVENT:
-                commands[field, job] = jobs.events[event, 2]
+                commands[field, k] = jobs.events[event, 2]
             event += 1
         angle, pace = sensed[job, seen - first], 0.0
         if seen > first:
             span = max(jobs.samples[seen] - jobs.samples[seen - 1], 1e-6)
             pace = (angle - sensed[job, seen - 1 - first]) / span
             angle -= pace * (jobs.samples[seen] + skew - now)
-        control_one(arrays, job, angle, pace, tick_s)
+        control_one(arrays, k, angle, pace, tick_s)
         tick += 1
         while seen < last - 1 and jobs.samples[seen] + skew <= tick * tick_s:
             seen += 1
         while sample < last and jobs.samples[sample] <= tick * tick_s:
-            out[job, sample - first] = arrays.states[DUTY, job]
+            out[job, sample - first] = arrays.states[DUTY, k]
             sample += 1

@@ -65,12 +65,9 @@ class Friction:
     def level_nm(self, velocity_rad_s: float, motor_nm: float, external_nm: float) -> float:
         """The friction level [N m], as the compiled step has it."""
         params = np.zeros((kernel.PARAMS, 1))
-        params[kernel.RESISTANCE] = 1.0  # any: no current flows
         for name, field in _FRICTION_FIELDS.items():
             params[field] = getattr(self, name)
-        empty = np.zeros((kernel.STATES, 1))
-        arrays = kernel.Arrays(params, empty, np.zeros((kernel.COMMANDS, 1)), empty)
-        train = kernel.train(arrays, 0)
+        train = kernel.train(params, 0, 0.0, 0.0, kernel.falling(params, 0))
         return float(kernel.friction_level(train, velocity_rad_s, motor_nm, external_nm))
 
 

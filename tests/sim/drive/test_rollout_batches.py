@@ -29,7 +29,7 @@ from busemu.plant import DriveCommand, OperatingMode
 from sim.drive import kernel
 from sim.drive.bank import DriveBank, command_column
 from sim.drive.parameters import Friction
-from sim.rollout import GEAR_SUBSTEPS, Batch, Candidate, Replay
+from sim.rollout import GEAR_SUBSTEPS, Batch, Candidate, Load, Replay
 from sim.stepped import TICK_S
 
 FRICTION = Friction(
@@ -85,6 +85,75 @@ def test_a_soft_gear_in_a_batch_changes_nothing_for_rigid_ones() -> None:
     together = Batch([told], 1).run([stiff, soft, soft, stiff], [0] * 4)
     for one, out in zip([stiff, soft, soft, stiff], together, strict=True):
         assert (out == run(one, told)).all()
+
+
+PLAIN = replace(DRIVE, friction=replace(FRICTION, stribeck_nm=0.0))
+GEAR = replace(PLAIN, gear_stiffness_nm_rad=50.0, gear_damping_nm_s_rad=0.02)
+KINDS = {
+    "rigid": PLAIN,
+    "gear": GEAR,
+    "play": replace(GEAR, backlash_rad=0.01),
+    "droop, capped": replace(PLAIN, torque_droop_per_a=0.5, current_cap_a=0.6),
+    "gear, droop, capped": replace(GEAR, torque_droop_per_a=0.5, current_cap_a=0.6),
+    "cable, wave": replace(
+        GEAR,
+        cable_stiffness_nm_rad=0.3,
+        cable_rest_rad=0.7,
+        zero_offset_rad=0.1,
+        wave_rad=0.05,
+        wave_periods=3.0,
+    ),
+    "heat": replace(PLAIN, winding_heat_resistance_k_w=20.0, winding_heat_time_s=0.3),
+    "given up": replace(PLAIN, overload_duty=0.3, overload_time_s=0.05),
+    "every one of them": None,
+}
+
+
+def busy() -> list[Replay]:
+    """Of several lengths, with all that can happen at a port."""
+    told = [
+        (0.10, kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 9.0),
+        (0.15, kernel.ENABLED, 0.0),
+        (0.20, kernel.ENABLED, 1.0),
+        (0.30, kernel.MODE, kernel.MODE_VELOCITY),
+        (0.30, kernel.GOAL_VELOCITY, 2.0),
+        (0.40, kernel.MODE, kernel.MODE_PWM),
+        (0.40, kernel.GOAL_DUTY, -0.4),
+    ]
+    firmware = regulating(0.4, integral_gain_per_rad_s=3.0, derivative_gain_s_per_rad=0.01)
+    return [*replays(), replay(firmware, told, duration_s=0.5), replay(regulating(), samples=[0.0])]
+
+
+def many(drives: list[Any], count: int) -> list[Candidate]:
+    """Servos of some kinds in turn, that all differ a little; under every third, gravity turns."""
+    moving = Load(3e-3, np.array([0.3, 0.2, 0.4]), np.array([0.0, 0.2, -0.1]))
+    return [
+        candidate(
+            replace(drives[k % len(drives)], delay_s=0.0007 * (k % 5), punch_more=0.001 * k),
+            moving if k % 3 == 0 else pendulum(0.2 + 0.005 * k),
+            source_ohm=0.1 * (k % 4),
+            skew_s=0.001 * (k % 7 - 3),
+            load_refresh_s=0.02 * (k % 3),
+        )
+        for k in range(count)
+    ]
+
+
+@pytest.mark.parametrize("count", [kernel.LANES + 5, kernel.FEW])
+@pytest.mark.parametrize("name", KINDS)
+def test_lanes_give_what_their_jobs_give_alone(name: str, count: int) -> None:
+    """Of one kind and of all, in groups that are full, not full, and of few."""
+    told, kind = busy(), KINDS[name]
+    drives = [DRIVE, SOFT, *(k for k in KINDS.values() if k)] if kind is None else [kind]
+    some = many(drives, count * len(drives))
+    which = [(3 * k + k // 5) % len(told) for k in range(len(some))]
+    together = Batch(told).run(some, which)
+    alone = [run(one, told[r]) for one, r in zip(some, which, strict=True)]
+    for one, out in zip(alone, together, strict=True):
+        assert (out == one).all()
+        assert not np.isnan(out).any()
+    moved = [one.tobytes() for one in alone if len(one) > 1]
+    assert len(set(moved)) == len(moved)
 
 
 @pytest.mark.parametrize("drive", [DRIVE, SOFT])

@@ -235,10 +235,11 @@ def load_friction() -> Iterator[Any]:
     def rolled(bearing_nm: float) -> np.ndarray:
         batch = rollout.Batch([replay(duration_s=0.3)], 1)
         one = candidate(drive, pendulum(0.09, centre_rad=1.0))
-        arrays, loads, jobs = batch._jobs([one], [0])
-        loads[kernel.SHAFT_FRICTION] = bearing_nm
+        groups, jobs = batch._jobs([one], [0])
+        groups[:, kernel.OF_LOADS + kernel.SHAFT_FRICTION] = bearing_nm
+        at = np.empty((kernel.PLACES, kernel.LANES), np.int64)
         out = np.full((1, 301, kernel.CHANNELS), np.nan)
-        kernel.rollout(arrays, loads, jobs, TICK_S, 20, 0, 1, out)
+        kernel.rollout(groups, jobs, TICK_S, 20, 0, 1, at, out)
         return position(out[0])
 
     return rolled
