@@ -308,7 +308,9 @@ def friction_level(t: Train, velocity: float, motor: float, external: float) -> 
             else:
                 slow += t.quadratic_motor * motor * motor
         ratio = abs(velocity) / t.stribeck_velocity
-        level += math.exp(-(ratio**t.stribeck_exponent)) * slow
+        if t.stribeck_exponent != 1.0:  # most are, and a power takes longer than all the rest
+            ratio **= t.stribeck_exponent
+        level += math.exp(-ratio) * slow
     return float(level)
 
 
