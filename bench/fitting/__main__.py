@@ -166,23 +166,17 @@ def _told(problem: Problem, rows: Mapping[str, Fitted]) -> str:
 @styled
 def _drawn(found: Mapping[str, Mapping[str, Fitted]], path: Path) -> Path:
     """Errors against time, a panel for each problem."""
-    figure, axes = panels(
-        len(found), 7.0, 2.6 * len(found), "Error on the fitted logs against time"
-    )
+    title = "Root mean square on the fitted logs against processor time"
+    figure, axes = panels(len(found), 7.0, 2.4 * len(found) + 0.6, title)
     for panel, (problem, rows) in zip(axes, found.items(), strict=True):
         for k, (name, row) in enumerate(rows.items()):
-            line = [*row.ledger.line, row.ended._replace(error=row.ledger.line[-1].error)]
-            word = "MAE" if row.ledger.absolute else "RMSE"
-            panel.step(
-                [reached.cpu_s for reached in line],
-                [reached.error * MS for reached in line],
-                where="post",
-                color=f"C{k}",
-                label=f"{name} ({word})",
-            )
-        panel.set(xscale="log", yscale="log", title=problem, ylabel="error [mrad]")
+            line = [*row.ledger.line, row.ended]
+            times, errors = [at.cpu_s for at in line], [at.rmse * MS for at in line]
+            panel.step(times, errors, where="post", color=f"C{k}", label=name)
+        panel.set(xscale="log", yscale="log", title=problem, ylabel="[mrad]")
+        panel.set_xlim(left=0.01)
     axes[-1].set_xlabel("processor time [s]")
-    axes[0].legend()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return save(figure, path)
 
 

@@ -78,10 +78,10 @@ def run(way: Way, problem: Problem, limit_s: float, tell: Callable[[float], None
         z, cut = ledger.best, True
     finally:
         problem.fitted.watch = unseen
-    ended = ledger.now(0.0)
+    ended = ledger.now((0.0, 0.0))
     judge = way.replay(problem.judge, problem.hypothesis)
     errors = [mae_rmse(simulate([z])[0]) for simulate in (replay, judge)]
-    ended = ended._replace(error=errors[0][not way.absolute])
+    ended = ended._replace(error=errors[0][not way.absolute], rmse=errors[0][1])
     return Fitted(z, errors[0], errors[1], ledger, ended, cut)
 
 

@@ -254,9 +254,10 @@ class OutOfTimeError(Exception):
 
 
 class Reached(NamedTuple):
-    """The best error so far [rad], the time it had taken, and processor time of all threads."""
+    """The best error so far, and the time and the processor time of all threads it had taken."""
 
-    error: float
+    error: float  #: as the way counts it [rad]
+    rmse: float  #: root mean square there [rad]
     wall_s: float
     cpu_s: float
 
@@ -280,21 +281,22 @@ class Ledger:
         """How many vectors were tried, each counted once."""
         return len(self.seen)
 
-    def now(self, error: float) -> Reached:
-        """An error, reached now."""
+    def now(self, errors: tuple[float, float]) -> Reached:
+        """Mean absolute error and root mean square, reached now."""
         wall_s, cpu_s = self.begun
-        return Reached(error, time.perf_counter() - wall_s, time.process_time() - cpu_s)
+        error = errors[not self.absolute]
+        return Reached(error, errors[1], time.perf_counter() - wall_s, time.process_time() - cpu_s)
 
     def note(self, vectors: Sequence[Floats], residuals: Sequence[Floats]) -> None:
         """Note some candidates and their residuals."""
         self.seen |= {z.tobytes() for z in vectors}
         for z, residual in zip(vectors, residuals, strict=True):
-            error = mae_rmse(residual)[not self.absolute]
-            if not self.line or error < self.line[-1].error:
-                self.line.append(self.now(error))
+            now = self.now(mae_rmse(residual))
+            if not self.line or now.error < self.line[-1].error:
+                self.line.append(now)
                 self.best = z.copy()
-                self.tell(error)
-        if self.now(0.0).cpu_s > self.limit_s:
+                self.tell(now.error)
+        if time.process_time() - self.begun[1] > self.limit_s:
             raise OutOfTimeError
 
     def reached(self, error: float) -> Reached:
