@@ -30,6 +30,7 @@ from .veto import BEHIND, objection
 from .watch import Watch
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
+IDLE = 0.05  #: share of the same by which a name that is not needed there may make them worse
 SPOILT = 0.1  #: of the mean square that a name takes off the others, which must be spoilt there
 SURE = 0.99  #: that an effect is there at all: what it gains, by the widest account of its size
 LITTLE = 0.25  #: share of a misfit that a name must explain, where much of it is left
@@ -154,7 +155,7 @@ def spoils(
     worse = spoilt > (WORSE - 1.0) * without
     if outside.harm > HARM and worse and spoilt > SPOILT * mended:
         return HARMFUL
-    if without < floor**2 and spoilt > 0.0 and outside.relief < outside.harm:
+    if without < floor**2 and spoilt > IDLE * without and outside.relief < outside.harm:
         return NEEDLESS
     return None
 

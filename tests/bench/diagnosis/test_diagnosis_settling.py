@@ -17,12 +17,13 @@ def outside(harm, relief=0.0):
     ("without", "with_it", "seen", "expected"),
     [
         (0.7 * NOISE, 0.8 * NOISE, outside(0.1), NEEDLESS),
+        (0.7 * NOISE, 0.72 * NOISE, outside(2.0), None),  # hardly worse, and so not in doubt
         (0.7 * NOISE, 0.6 * NOISE, outside(0.0, 0.1), None),
         (0.7 * NOISE, 0.8 * NOISE, outside(0.1, 0.5), None),  # a current that it explains
         (4.0 * NOISE, 4.1 * NOISE, outside(0.1), None),
         (4.0 * NOISE, 1.01 * WORSE * 4.0 * NOISE, outside(1.01 * HARM), HARMFUL),
     ],
-    ids=["needless", "better", "in another channel", "beyond noise", "harmful"],
+    ids=["needless", "hardly worse", "better", "in another channel", "beyond noise", "harmful"],
 )
 def test_what_a_name_does_to_recordings_that_were_not_fitted(without, with_it, seen, expected):
     assert spoils(without, with_it, NOISE, seen, FLOOR) == expected
