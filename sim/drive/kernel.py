@@ -176,8 +176,8 @@ NEXT_SEEN = 1  #: of what instant the next sample's angle is [s]
 NEXT_SAMPLE = 2  #: when the rest of the next sample is taken [s]
 DUTY_DUE = 3  #: when what a sample shows of the duty is made anew [s]
 DUTY_SHOWN = 4
-COSINE = 5  #: of gravity's torque, see Jobs [N m]
-SINE = 6  #: of gravity's torque [N m]
+COSINE = 5  #: gravity's torque at an angle of 0, see Jobs [N m]
+SINE = 6  #: gravity's torque at a quarter turn, negative [N m]
 TICK_POSITION = 7  #: of the shaft at the beginning of the tick [rad]
 TICK_SENSED = 8  #: of the shaft, as sensed [rad]
 TICK_VELOCITY = 9  #: of the shaft [rad/s]
@@ -191,14 +191,17 @@ LOAD_HALT = 16  #: the same of the load
 LOAD_PUSH = 17
 CURRENT_SUM = 18  #: over the tick's substeps [A]
 SQUARE_SUM = 19  #: over the tick's substeps [A^2]
-MEMORIES = 20
+TICK_COSINE = 20  #: of the shaft's angle at the beginning of the tick
+TICK_SINE = 21  #: of the shaft's angle
+MEMORIES = 22
 
 # --- how far a rollout's lanes are: at[field, lane]
 EVENT = 0  #: number of the next event
 SEEN = 1  #: number of the next sample whose angle is to be seen
 SAMPLE = 2  #: number of the next sample whose rest is to be taken
 TICKS = 3  #: how many ticks there are
-PLACES = 4
+GRAVITIES = 4  #: how many rows of gravity there are, 1 where it does not turn
+PLACES = 5
 
 # --- a group of jobs, rolled out in lockstep: group[row, lane]. All is in one array: the compiler
 # then knows how far rows lie apart, and that a vector of lanes can be read, moved and written
@@ -651,6 +654,7 @@ def begin(
         lanes[NEXT_EVENT, k] = lanes[NEXT_SEEN, k] = lanes[NEXT_SAMPLE, k] = -math.inf
         lanes[DUTY_DUE, k], lanes[DUTY_SHOWN, k] = loads[DUTY_PHASE, k], 0.0
         low = jobs.gravity_range[job]
+        at[GRAVITIES, k] = jobs.gravity_range[job + 1] - low if end > 0.0 else 1
         lanes[COSINE, k], lanes[SINE, k] = jobs.gravity[low, 0], jobs.gravity[low, 1]
         states[ROTOR_POSITION, k] = loads[SHAFT_POSITION, k]
         states[ROTOR_VELOCITY, k] = loads[SHAFT_VELOCITY, k]
@@ -690,8 +694,13 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
         for k in range(live):
             if now >= lanes[NEXT_EVENT, k]:
                 hear(arrays, jobs, number[k], k, now, lanes, at)
-            hang(params, loads, jobs, number[k], k, now, lanes)
+            if at[GRAVITIES, k] > 1:
+                weigh(jobs, number[k], k, now, lanes)
+            shaft = loads[SHAFT_POSITION, k]
+            lanes[TICK_SENSED, k] = sense(params, k, shaft)
+            lanes[TICK_COSINE, k], lanes[TICK_SINE, k] = math.cos(shaft), math.sin(shaft)
         for k in range(LANES):
+            hang(params, loads, k, lanes)
             control_one(arrays, k, lanes[TICK_SENSED, k], lanes[TICK_VELOCITY, k], tick_s)
         for k in range(LANES):
             if now >= lanes[DUTY_DUE, k]:
@@ -741,24 +750,26 @@ def hear(
 
 
 @inlined
-def hang(
-    params: Array, loads: Array, jobs: Jobs, job: int, k: int, now: float, lanes: Array
-) -> None:
-    """Where a lane's shaft is when a tick begins, and what gravity and its cable pull there."""
+def weigh(jobs: Jobs, job: int, k: int, now: float, lanes: Array) -> None:
+    """Gravity on a lane's load that turns during its job."""
     low, rows = jobs.gravity_range[job], jobs.gravity_range[job + 1] - jobs.gravity_range[job]
-    end = jobs.end_s[jobs.recording[job]]
-    if rows > 1 and end > 0.0:
-        place = now / end * (rows - 1)
-        row = min(int(place), rows - 2)
-        part = place - row
-        row += low
-        lanes[SINE, k] = (1.0 - part) * jobs.gravity[row, 1] + part * jobs.gravity[row + 1, 1]
-        lanes[COSINE, k] = (1.0 - part) * jobs.gravity[row, 0] + part * jobs.gravity[row + 1, 0]
-    shaft = loads[SHAFT_POSITION, k]
-    lanes[TICK_POSITION, k], lanes[TICK_SENSED, k] = shaft, sense(params, k, shaft)
-    lanes[TICK_VELOCITY, k] = loads[SHAFT_VELOCITY, k]
-    # both are linear within a tick: a joint moves some mrad
-    sin, cos, sine, cosine = math.sin(shaft), math.cos(shaft), lanes[SINE, k], lanes[COSINE, k]
+    place = now / jobs.end_s[jobs.recording[job]] * (rows - 1)
+    row = min(int(place), rows - 2)
+    part = place - row
+    row += low
+    lanes[SINE, k] = (1.0 - part) * jobs.gravity[row, 1] + part * jobs.gravity[row + 1, 1]
+    lanes[COSINE, k] = (1.0 - part) * jobs.gravity[row, 0] + part * jobs.gravity[row + 1, 0]
+
+
+@inlined
+def hang(params: Array, loads: Array, k: int, lanes: Array) -> None:
+    """Where a shaft is when a tick begins, and what gravity and its cable pull there.
+
+    Both are linear within a tick: a joint moves some mrad.
+    """
+    shaft, sin, cos = loads[SHAFT_POSITION, k], lanes[TICK_SINE, k], lanes[TICK_COSINE, k]
+    sine, cosine = lanes[SINE, k], lanes[COSINE, k]
+    lanes[TICK_POSITION, k], lanes[TICK_VELOCITY, k] = shaft, loads[SHAFT_VELOCITY, k]
     lanes[PULL, k] = cosine * cos - sine * sin + cable_torque(params, k, shaft)
     lanes[SLOPE, k] = -cosine * sin - sine * cos - params[CABLE_STIFFNESS, k]
 
