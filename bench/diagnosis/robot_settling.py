@@ -21,6 +21,8 @@ from .robot_search import WORSE, Progress, RobotFindings, RobotGain, RobotSearch
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of nulls of another engine: 0.34 to 0.40, and 1.0 to 1.5
 FITTED, JUDGED = 0.6, 1.8
+AT_END = 0.99  #: of a tolerance's reach
+ENDS = 1  #: so many of 13 tolerances may be at their ends; ten nulls of another engine had 0 or 1
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 NO_BETTER = "recordings that were not used to fit are no better with it"
 
@@ -61,10 +63,19 @@ class RobotJudges:
     def consistent(self, base: RobotFit) -> bool:
         """Whether what the operator believes leaves no more than noise.
 
-        Of recordings that it was fitted to tolerances take much away; on others they cannot.
+        Of recordings that it was fitted to tolerances take much away; on others they cannot. Nor is
+        a robot as believed of which several tolerances have gone to their ends: something is the
+        matter for which they stand in.
         """
+        if len(self.at_ends(base)) > ENDS:
+            return False
         fitted = self.over_noise(base, self.which) < FITTED
         return fitted and (not self.held_out or self.over_noise(base, self.judges) < JUDGED)
+
+    def at_ends(self, found: RobotFit) -> list[str]:
+        """Tolerances of the whole robot that a fit has taken as far as they may go."""
+        pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
+        return [n.name for n, z in pairs if n.same and abs(z) > AT_END * n.reach]
 
     def over_noise(self, found: RobotFit, which: Sequence[int]) -> float:
         """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns."""

@@ -30,13 +30,28 @@ def judges(left, held_out=True):
         floors=lambda: {RobotKind.JOINTS: FLOOR_RAD},
         recentre=lambda settings, z, which: 0.0,
         residuals=residuals,
+        nuisances=TOLERANCES,
     )
     return RobotJudges(
         SimpleNamespace(model=model), None, FITS, JUDGES if held_out else FITS, held_out
     )
 
 
-BASE = SimpleNamespace(names=(), z=np.empty(0), settings=(), nuisances=np.empty(0))
+def taken_as(*z):
+    return SimpleNamespace(names=(), z=np.empty(0), settings=(), nuisances=np.array(z))
+
+
+#: three tolerances of a whole robot and one of a joint
+TOLERANCES = tuple(
+    SimpleNamespace(name=name, same=same, reach=2.0)
+    for name, same in (
+        ("mass of the tibiae", ("link_mass@tibia",)),
+        ("supply", ("supply_voltage",)),
+        ("floor's friction", ("foot_slip",)),
+        ("zero leg1.coxa", ()),
+    )
+)
+BASE = taken_as(0.0, 0.0, 0.0, 0.0)
 
 
 def rms(share):
@@ -60,6 +75,19 @@ def test_what_is_left_is_told_in_squares_of_noise():
 def test_a_robot_is_as_believed_where_neither_leaves_more_than_noise(fitted, judged, expected):
     left = {0: rms(fitted), 1: rms(fitted), 2: rms(judged)}
     assert judges(left).consistent(BASE) is expected
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "expected"),
+    [
+        ((1.9, -1.9, 1.9, 0.0), True),
+        ((2.0, 0.0, 0.0, -2.0), True),
+        ((2.0, 0.0, -2.0, 0.0), False),
+    ],
+)
+def test_a_robot_is_not_as_believed_where_tolerances_stand_at_their_ends(tolerances, expected):
+    left = {0: rms(0.9 * FITTED), 1: rms(0.9 * FITTED), 2: rms(0.9 * JUDGED)}
+    assert judges(left).consistent(taken_as(*tolerances)) is expected
 
 
 def test_without_recordings_that_judge_those_that_were_fitted_say_it():
