@@ -43,6 +43,8 @@ NEEDED = 50.0  #: gain [nats] of a period: what no difference of engines has
 SHARE = 0.1  #: of all that the register differs by, which a period must explain
 SECOND = 0.8  #: of that gain that any other period may have: else reads are too even to tell
 CLOCK = 1e-4  #: assumed: how far clocks of servo and host may differ
+JUMP = 8.0  #: steps of a register, or usual changes of it, that are no noise
+OFTEN = 0.1  #: share of what jumps within a period that may jump again: reads are late by then
 LEAST_READS = 100  #: of a register that changes
 
 
@@ -54,6 +56,7 @@ class Register:
     value: Floats
     duty: Floats  #: of the law, every FINE_S
     deviation: float
+    quantum: float
 
     def off(self, age_s: Floats | float) -> Floats:
         """What it differs by from what it would show at some age, in deviations."""
@@ -99,7 +102,7 @@ def short_refresh(model: JointModel, found: Fit) -> Cause | None:
     period = max(tried, key=lambda p: tried[p], default=0.0)
     rivals = [g for p, g in tried.items() if abs(1.0 / p - 1.0 / period) * span >= LINE]
     least = max(NEEDED, SHARE * always, max(rivals, default=0.0) / SECOND)
-    if not tried or tried[period] < least:
+    if not tried or tried[period] < least or denied(seen, period):
         return None
     # the power of a line in a window falls with the square of pi f T, over 3
     off_hz = math.sqrt(1.5 / tried[period]) / (math.pi * span)
@@ -112,6 +115,18 @@ def short_refresh(model: JointModel, found: Fit) -> Cause | None:
         explained_share=0.0,
         probability=1.0 - 1.0 / sum(len(one.t_s) for one in seen),
     )
+
+
+def denied(seen: Sequence[Register], period_s: float) -> bool:
+    """Whether registers jump twice within less than a period: then they are renewed oftener."""
+    once, twice = 0, 0
+    for one in seen:
+        step = np.abs(np.diff(one.value))
+        jump = step > JUMP * max(one.quantum, float(np.median(step)))
+        near = one.t_s[2:] - one.t_s[:-2] < period_s
+        once += int(np.sum(near & (jump[1:] | jump[:-1])))
+        twice += int(np.sum(near & jump[1:] & jump[:-1]))
+    return twice > OFTEN * once
 
 
 def proposals(seen: Sequence[Register], longest_s: float) -> list[float]:
@@ -155,4 +170,6 @@ def _register(model: JointModel, found: Fit, r: int) -> Register | None:
     at = np.minimum(np.round(t_s / FINE_S).astype(np.int64), len(duty) - 1)
     off = value - duty[at]
     deviation = max(float(np.median(np.abs(off))) / 0.6745, samples.quantum)
-    return Register(t_s, value, duty, deviation) if len(t_s) >= LEAST_READS else None
+    if len(t_s) < LEAST_READS:
+        return None
+    return Register(t_s, value, duty, deviation, samples.quantum)

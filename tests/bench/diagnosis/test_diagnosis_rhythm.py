@@ -7,7 +7,7 @@ import pytest
 from pendulum_logs import JOINT, robot
 
 from bench.diagnosis.observed import Channel
-from bench.diagnosis.rhythm import short_refresh
+from bench.diagnosis.rhythm import Register, denied, short_refresh
 from sim.stepped import TICK_S
 
 READ_S, COUNT, STEP = 0.0053, 900, 1.0 / 885.0
@@ -79,3 +79,18 @@ def test_a_law_that_is_wrong_is_no_period():
     one = recorded(0.1 * TICK_S)
     one.channels[Channel.DUTY].value += 0.02 * np.sin(40.0 * one.channels[Channel.DUTY].t_s)
     assert short_refresh(Model([one, one]), FOUND) is None
+
+
+def register(value):
+    """Read every 0.1 s."""
+    return Register(0.1 * np.arange(len(value)), np.asarray(value), np.zeros(1), STEP, STEP)
+
+
+def test_a_register_that_jumps_twice_within_a_period_does_not_have_it():
+    rest = [0.0] * 8
+    moves = register(3 * [*rest, 0.2, 0.4, 0.1])
+    held = register(3 * [*rest, 0.2, 0.2, 0.2, 0.4, 0.4, 0.1, 0.1, 0.1])
+    assert denied([moves], 0.25)
+    assert not denied([moves], 0.15)
+    assert not denied([held], 0.25)
+    assert not denied([held, held, held, register([*rest, 0.2, 0.4])], 0.25)
