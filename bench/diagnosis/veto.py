@@ -19,7 +19,7 @@ PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plai
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
 LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
 #: times a limit, beyond which a duty denies it (a fit is not exact), and in how many samples
-BEYOND, SAMPLES = 1.1, 5
+BEYOND, SAMPLES = 1.04, 5
 BEHIND = 0.5  #: of the gain of a name taken back that another must have, to take its place
 
 
