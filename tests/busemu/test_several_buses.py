@@ -51,7 +51,7 @@ def test_each_robot_has_its_own_port_servos_and_trace(tmp_path: Path) -> None:
         code, said = server.end()
     assert code == 0, said
     assert "Traceback" not in said
-    assert len(re.findall("^port /dev/pts/", server.said, re.MULTILINE)) == 2
+    assert len(re.findall("^port /dev/pts/", server.said + said, re.MULTILINE)) == 2
     assert not marvin.exists()
     assert not phantomx.exists()
     assert '"robot":"marvin"' in (tmp_path / "a.trace").read_text("utf-8")
