@@ -26,12 +26,12 @@ from typing import Any
 from rich.progress import track
 
 from busemu.tables import Robot, load_robot
-from sim.model import read_model
 
-from .diagnosis.robot_effects import placed_effects
+from .blind.rigs import RIGS
+from .blind.scenes import SCENES
 from .diagnosis.robot_running import walks
 from .figures.tables import aligned
-from .proof.diagnosing import joint_names
+from .proof.diagnosing import joint_names, robot_names
 from .proof.staging import stage
 
 JOINT = "xl330-pendulum"
@@ -66,8 +66,9 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    reader.add_argument("--rig", default=JOINT, help="rig of one joint (%(default)s)")
-    reader.add_argument("--robot", help="a robot that walks, in place of a rig: marvin-walk, ...")
+    walking = [name for name, scene in SCENES.items() if scene.support == "ground"]
+    reader.add_argument("--rig", default=JOINT, choices=RIGS, help="of one joint (%(default)s)")
+    reader.add_argument("--robot", choices=walking, help="that walks, in place of a rig")
     reader.add_argument("--seed", type=int, default=7, help="of the case (%(default)s)")
     asked = reader.parse_args()
     rig, robot = asked.robot or asked.rig, asked.robot is not None
@@ -116,13 +117,7 @@ def diagnosed(case: Path, folder: Path, groups: int | None, effects: int | None)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     begun_s = time.monotonic()
     subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "bench.proof.diagnosing",
-            f"{folder / 'stage'}",
-            f"{folder / 'out'}",
-        ],
+        [sys.executable, "-m", "bench.proof.diagnosing", folder / "stage", folder / "out"],
         check=True,
         stdout=subprocess.DEVNULL,
     )
@@ -139,9 +134,7 @@ def diagnosed(case: Path, folder: Path, groups: int | None, effects: int | None)
 def effects_of(robot: Robot) -> tuple[str, ...]:
     """Effects that could be named, that which is hidden first."""
     legged = walks(robot)
-    names = {*joint_names()}
-    if legged:
-        names = {placed.effect.name for placed in placed_effects(read_model(robot)).values()}
+    names = {*(robot_names(robot) if legged else joint_names())}
     return (HIDDEN[legged], *sorted(names - {HIDDEN[legged]}))
 
 

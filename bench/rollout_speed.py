@@ -23,7 +23,6 @@ from sim.drive.kernel import Array
 from sim.model import read_model
 from sim.one_joint import one_joint_load
 from sim.rollout import Batch, Candidate, Load, Replay
-from sim.tree import PhysicalRobot
 from sim.world import BulletPlant
 
 RIG = "pendulum"
@@ -55,11 +54,11 @@ def replay() -> Replay:
     return Replay(command_column(command(0.0)), np.array(written, np.float64), samples, 0.0)
 
 
-def candidates(physical: PhysicalRobot, count: int, *, rigid: bool) -> list[Candidate]:
+def candidates(robot: Robot, count: int, *, rigid: bool) -> list[Candidate]:
     """Servos alike but for the voltage of their supplies, which falls by a tenth at most."""
+    physical = read_model(robot)
     hangs = one_joint_load(physical)
-    joint = physical.joints[0]
-    centre = (hangs.centre_rad - joint.zero_rad) * joint.direction
+    centre = robot.by_joint[physical.joints[0].name].to_servo(hangs.centre_rad)
     load = Load.pendulum(hangs.inertia_kg_m2, hangs.gravity_nm, centre, hangs.moment_nm)
     one = Candidate.of(physical, 0, load, rigid=rigid)
     return [replace(one, voltage_v=one.voltage_v * (1.0 - 0.1 * k / count)) for k in range(count)]
@@ -90,7 +89,7 @@ def in_bullet(robot: Robot) -> tuple[Array, float]:
 
 def batched(robot: Robot, count: int, *, rigid: bool) -> tuple[Array, float]:
     """Positions [rad] of the first candidate, and the time [s] that one of ``count`` takes."""
-    batch, some = Batch([replay()]), candidates(read_model(robot), count, rigid=rigid)
+    batch, some = Batch([replay()]), candidates(robot, count, rigid=rigid)
     batch.run(some[:2], [0, 0])  # compiled, or loaded
     begun_s = time.perf_counter()
     out = batch.run(some, [0] * count)
@@ -103,12 +102,24 @@ def plain(robot: Robot) -> tuple[Array, float]:
 
     Numba must have been told before it was imported: ``NUMBA_DISABLE_JIT=1``.
     """
-    (one,) = candidates(read_model(robot), 1, rigid=False)
+    (one,) = candidates(robot, 1, rigid=False)
     kernel.LANES = 1  # lanes without a job cost nothing only where vectors are made of them
     batch = Batch([replay()], 1)
     begun_s = time.perf_counter()
     out = batch.run([one], [0])
     return out[0][:, kernel.OUT_POSITION], time.perf_counter() - begun_s
+
+
+def plain_s() -> float:
+    """The time [s] of :func:`plain`, in a process where nothing is compiled."""
+    told = subprocess.run(
+        [sys.executable, "-m", "bench.rollout_speed", PLAIN],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return float(told.stdout)
 
 
 def measured(count: int = 4000, times: int = 5) -> list[tuple[str, float, float, str]]:
@@ -117,17 +128,10 @@ def measured(count: int = 4000, times: int = 5) -> list[tuple[str, float, float,
     bullet_s = min(in_bullet(robot)[1] for _ in range(times))
     gear_s = min(batched(robot, count, rigid=False)[1] for _ in range(times))
     rigid_s = min(batched(robot, count, rigid=True)[1] for _ in range(times))
-    told = subprocess.run(
-        [sys.executable, "-m", "bench.rollout_speed", PLAIN],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        check=True,
-        capture_output=True,
-        text=True,
-    )
     return [
         ("2 s of a joint with a gear, batched", gear_s, bullet_s, "the same alone in PyBullet"),
         ("2 s of a joint, rigid, batched", rigid_s, bullet_s, "with a gear alone in PyBullet"),
-        ("2 s of a joint with a gear, batched", gear_s, float(told.stdout), "a plain NumPy loop"),
+        ("2 s of a joint with a gear, batched", gear_s, plain_s(), "a plain NumPy loop"),
     ]
 
 

@@ -31,6 +31,7 @@ BESIDE = 15.0  #: the same of an effect beside others: what those leave unexplai
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on groups of recordings left out
 MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
+AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 WIDENED = 3  #: times at most that a curve is made longer for a fit
 KEPT = 0.8  #: of a promised gain that an exact replay must bear out for curves to be believed
@@ -279,7 +280,7 @@ class RobotSearch:
         motion = self.model.motion
         some = [r for r in self.which if motion[r] == motion[self.which[0]]]
         reach = np.array([nuisance.reach for nuisance in self.model.nuisances])
-        held = np.abs(now.nuisances) > 0.99 * reach
+        held = np.abs(now.nuisances) > AT_END * reach
         at = np.where(held, now.nuisances, 0.0)
         left = [
             {

@@ -16,12 +16,11 @@ from .robot_fit import RobotFit
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad, steady_rmse_rad
 from .robot_model import RobotModel
-from .robot_search import WORSE, Progress, RobotFindings, RobotGain, RobotSearch
+from .robot_search import AT_END, WORSE, Progress, RobotFindings, RobotGain, RobotSearch
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of nulls of another engine: 0.34 to 0.40, and 1.0 to 1.5
 FITTED, JUDGED = 0.6, 1.8
-AT_END = 0.99  #: of a tolerance's reach
 ENDS = 1  #: so many of 13 tolerances may be at their ends; ten nulls of another engine had 0 or 1
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 NO_BETTER = "recordings that were not used to fit are no better with it"

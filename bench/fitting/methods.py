@@ -27,6 +27,7 @@ MIDDLE, SPREAD = 0.5, 1.0 / 6.0  #: of the first generation in the box; source: 
 #: steps as shares of the box, and changes of the error [rad], at which a search has ended; assumed
 CONVERGED, CONVERGED_RAD = 1e-4, 1e-6
 OURS, EVOLUTION = "ours, least squares", "CMA-ES on our kernel"
+LIKELIHOOD = "ours, as a diagnosis"
 LOOP = "bam's: CMA-ES, Python loop"
 
 Search = Callable[[Problem, Residuals], Floats]
@@ -130,7 +131,7 @@ def ways() -> dict[str, Way]:
     """
     found = {
         OURS: Way(by_squares, KernelReplay),
-        "ours, as a diagnosis": Way(by_likelihood, KernelReplay),
+        LIKELIHOOD: Way(by_likelihood, KernelReplay),
         EVOLUTION: Way(by_evolution, KernelReplay, absolute=True),
         LOOP: Way(by_evolution, LoopReplay, absolute=True),
     }

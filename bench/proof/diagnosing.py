@@ -68,6 +68,13 @@ def joint_names() -> tuple[str, ...]:
     return (*joint_effects(), *sorted(SEEN))
 
 
+def robot_names(robot: Robot) -> tuple[str, ...]:
+    """Effects of a whole robot that can be named."""
+    return tuple(
+        sorted({placed.effect.name for placed in placed_effects(read_model(robot)).values()})
+    )
+
+
 def _joint(robot: Robot, parts: Split, told: dict[str, Any], out: Path) -> Sequence[Trace]:
     findings = diagnose(robot, parts, without=left_out(told, joint_names()), say=_say)
     write(robot, findings, out, date.today())
@@ -77,8 +84,7 @@ def _joint(robot: Robot, parts: Split, told: dict[str, Any], out: Path) -> Seque
 
 
 def _robot(robot: Robot, parts: Split, told: dict[str, Any], out: Path) -> Sequence[Trace]:
-    known = sorted({placed.effect.name for placed in placed_effects(read_model(robot)).values()})
-    without = left_out(told, known)
+    without = left_out(told, robot_names(robot))
     return run_robot(robot, parts, out, date.today(), without=without, watch=Watch(_say)).traces
 
 
