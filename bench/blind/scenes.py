@@ -29,6 +29,8 @@ POSTURE = {"coxa": 0.0, "femur": 0.5, "tibia": -1.2}
 POSE_S = 1.0
 LEG = "leg1"
 OBSERVE_S = 0.02
+#: of a walk: enough turns of the gait that chance in them averages out
+WALK_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +94,9 @@ _LEG_GROUPS = (
 
 def _walks(payload_kg: float) -> tuple[Group, ...]:
     return (
-        Group("straight", WalkPlan()),
-        Group("turn", WalkPlan(v_left=0.4, v_right=1.4)),
-        Group("straight-loaded-held-out", WalkPlan(payload_kg=payload_kg, seed=3)),
+        Group("straight", WalkPlan(WALK_S)),
+        Group("turn", WalkPlan(WALK_S, v_left=0.4, v_right=1.4)),
+        Group("straight-loaded-held-out", WalkPlan(WALK_S, payload_kg=payload_kg, seed=3)),
     )
 
 
