@@ -36,7 +36,7 @@ def supply_contradiction(
     say("what the motion would make of the supply, and what the voltage register says")
     knobs = effect_knobs(effect("voltage_sag"))
     deaf = [_without_voltage(o) for o in model.observed]
-    motion = JointModel(model.base, model.robot, deaf, model.journal)
+    motion = model.of(deaf)
     plain = fit(motion, found.hypothesis, found.z, {Kind.POSITION: found.noise[Kind.POSITION]})
     tempted = fit(motion, found.hypothesis + knobs, np.append(plain.z, 1.0), plain.noise)
     wanted, wanted_error = _resistance(motion, tempted)

@@ -16,8 +16,9 @@ from sim.robot import PhysicalRobot
 
 from .beginning import begun
 from .contradiction import supply_contradiction
-from .fit import Fit, block_rms, estimate_noise, fit
+from .fit import Fit, block_rms, estimate_noise
 from .floor import noise_floor, tolerance
+from .gear import believed
 from .intervals import estimates
 from .journal import Journal
 from .knobs import SEEN, joint_effects
@@ -76,10 +77,9 @@ def diagnose_joint(
     observed, judged = begun(base, robot, observed), begun(base, robot, judged)
     renewed = load_refresh(observed, believed_refresh_s(robot, observed[0].joint))
     period_s = renewed.parameters["period_s"].value if renewed else None
-    model = JointModel(base, robot, observed, journal, period_s)
-    judge = JointModel(base, robot, judged, journal, period_s) if judged else model
     watch.tell("fitting what the operator believes")
-    before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    model, before = believed(base, robot, observed, journal, period_s)
+    judge = model.of(judged) if judged else model
     start_blocks = model.residuals(Hypothesis(), [before.z])[0]
     floor = noise_floor(observed, start_blocks)
     floors = {kind: noise.total for kind, noise in before.noise.items()} | {
@@ -162,6 +162,7 @@ def diagnose_joint(
         details=({"stopped": watch.stopped} if watch.stopped else {})
         | {
             "rollouts": model.rollouts,
+            "gear": "as the robot file has it" if model.sprung else "rigid",
             "nuisances": {
                 n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
                 for n, x in zip(model.nuisances, after.z, strict=False)

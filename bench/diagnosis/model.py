@@ -42,6 +42,7 @@ LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again fo
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
 TURNING = frozenset({"gain", "read_skew"})
+GEARS = frozenset({"backlash", "joint_compliance"})  #: which are about a gear that is a spring
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 
 
@@ -84,6 +85,8 @@ class JointModel:
     """One joint of a rig in some recordings; residuals for any values of nuisances and knobs.
 
     A vector ``z`` is the nuisances in the order of :attr:`nuisances`, then the hypothesis's knobs.
+    ``sprung`` makes the gear the spring that the robot file has; else rotor and load are one mass,
+    but in hypotheses about the gear.
     """
 
     def __init__(
@@ -93,8 +96,10 @@ class JointModel:
         observed: Sequence[Observed],
         journal: Journal | None = None,
         load_refresh_s: float | None = None,
+        *,
+        sprung: bool = False,
     ) -> None:
-        self.base = base
+        self.base, self.sprung = base, sprung
         self.journal = journal  #: of steps that are done, if they are kept
         self.observed = tuple(observed)
         joint = observed[0].joint
@@ -137,6 +142,7 @@ class JointModel:
             self.base,
             self.mount,
             self._load_refresh_s,
+            self.sprung,
             [(n.name, n.deviation, n.reach) for n in self.nuisances],
             *(part for one in self.observed for part in one.parts()),
         )
@@ -144,7 +150,12 @@ class JointModel:
     def beside(self, other: JointModel) -> JointModel:
         """The same joint in the recordings of this model and of another of it."""
         observed = (*self.observed, *other.observed)
-        return JointModel(self.base, self.robot, observed, self.journal, self._load_refresh_s)
+        return self.of(observed)
+
+    def of(self, observed: Sequence[Observed]) -> JointModel:
+        """The same joint in other recordings."""
+        known = self.base, self.robot, observed, self.journal, self._load_refresh_s
+        return JointModel(*known, sprung=self.sprung)
 
     def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
         """Whether number ``k`` of a vector is one that the controller's duty depends on."""
@@ -173,7 +184,7 @@ class JointModel:
                 bare = replace(robot, payload=replace(robot.payload, mass_kg=0.0))
                 heavy = robot.bodies[0].mass.mass_kg > 0.0
                 payload = load.plus(self._load(bare, r), -1.0) if heavy else load
-            rigid = not {"backlash", "joint_compliance"} & set(hypothesis.effects)
+            rigid = not self.sprung and not GEARS & set(hypothesis.effects)
             if len(self._made) > REMEMBERED:
                 self._made.clear()
             made = Candidate.of(robot, self.index, load, rigid=rigid)

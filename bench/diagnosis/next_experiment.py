@@ -127,7 +127,8 @@ def next_experiments(
     if not rivals:
         return []
     choices = menu(model)
-    imagined = JointModel(model.base, model.robot, [c.observed for c in choices])
+    seen = [c.observed for c in choices]
+    imagined = JointModel(model.base, model.robot, seen, sprung=model.sprung)
     found = []
     for rival, other in rivals.items():
         distances = [_distance(imagined, named, other, r) for r in range(len(choices))]

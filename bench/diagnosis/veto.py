@@ -10,7 +10,7 @@ from sim.effects import Effect, catalogue
 
 from .confidence import NORMAL
 from .fit import EDGE, Fit
-from .intervals import Spread
+from .intervals import ENGINES_SHARE, Spread
 from .model import JointModel
 from .observed import Channel
 from .search import NUMBER_NATS, Gain, confirm, drop, screen
@@ -73,10 +73,14 @@ def _shown_beyond(model: JointModel, found: Fit) -> str | None:
 
 
 def _agree(model: JointModel, found: Fit, effect: str) -> bool:
-    """Whether the two numbers of an effect may be the same, by the widest of their variances."""
+    """Whether the two numbers of an effect may be the same, by the widest of their variances.
+
+    What two sound simulations make of each number differs as well.
+    """
     one, other = (i for i, k in enumerate(found.hypothesis.knobs) if k.effect == effect)
     away = np.zeros(len(found.z))
     away[len(model.nuisances) + one] = found.hypothesis.knobs[one].unit
     away[len(model.nuisances) + other] = -found.hypothesis.knobs[other].unit
     variance = max(float(away @ account @ away) for account in Spread(model, found).accounts)
+    variance += float(np.sum((ENGINES_SHARE * away * found.z) ** 2))
     return abs(float(away @ found.z)) < NORMAL * float(np.sqrt(variance))

@@ -51,10 +51,11 @@ def logs(
     groups=None,
     settings=None,
     speed_rad_s=0.0,
+    sprung=False,
 ):
     """One recording a motion; ``truth`` is effects with their parameters.
 
-    ``speed_rad_s`` is that of the joint in the beginning.
+    ``speed_rad_s`` is that of the joint in the beginning; the gear is rigid, or ``sprung``.
     """
     drafts = [
         recorded(name, dict.fromkeys(registers), duration_s, condition, name, settings)
@@ -67,9 +68,9 @@ def logs(
     reality = read_model(robot())
     for name, values in (truth or {}).items():
         reality = effect(name).apply(reality, (), effect(name).off | values)
-    real = JointModel(reality, robot(), told)
+    real = JointModel(reality, robot(), told, sprung=sprung)
     soft = {"backlash", "joint_compliance"} & set(truth or {})
-    assert not soft, "the recordings are of a rigid gear"
+    assert sprung or not soft, "the recordings are of a rigid gear"
     none = np.zeros(len(real.nuisances))
     candidates = [real.candidate(Hypothesis(), none, r) for r in range(len(drafts))]
     outs = Batch([o.replay for o in told], 1).run(candidates, range(len(drafts)))
