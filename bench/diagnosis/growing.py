@@ -9,6 +9,7 @@ import numpy as np
 
 from sim.effects import Effect, catalogue
 
+from .faint import changes_little
 from .fit import Fit, Score, fit
 from .knobs import effect_knobs
 from .model import JointModel, Kind
@@ -117,6 +118,8 @@ def _chosen(
     for gain in gains[:2]:
         if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
             break
+        if changes_little([model], now, gain.fit, floors):
+            continue
         plainly = gain.deflated > PLAIN
         if not plainly and inside(model, now, gain.fit, floors).relief < RELIEF:
             continue
@@ -147,6 +150,7 @@ def _promising(
         bool(gains)
         and gains[0].deflated > PROVISIONAL
         and inside(model, now, gains[0].fit, floors).relief > RELIEF
+        and not changes_little([model], now, gains[0].fit, floors)
     )
 
 

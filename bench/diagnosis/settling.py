@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from sim.effects import Effect
 
+from .faint import changes_little
 from .fit import Fit, block_rms
-from .floor import engines_rad
 from .growing import grow
 from .intervals import Spread
 from .model import JointModel, Kind
@@ -31,9 +30,6 @@ from .search import (
 from .veto import BEHIND, objection
 from .watch import Watch
 
-Floats = NDArray[np.float64]
-
-OTHERS = (Kind.DUTY, Kind.VOLTAGE)
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 IDLE = 0.05  #: share of the same by which a name that is not needed there may make them worse
 SPOILT = 0.1  #: of the mean square that a name takes off the others, which must be spoilt there
@@ -46,12 +42,6 @@ NOTHING = "its size may as well be nothing"
 ALONE = "beside the others it gains nothing on recordings left out"
 BESIDE = "it explains little of a misfit of which much is left"
 FAINT = "it changes nothing by more than two sound simulations of one joint differ by"
-#: times the mean square by which two sound simulations differ: what a name must take off that of
-#: positions in some group of recordings, and in the mean of all. Of eight wrong names on rigs of
-#: two other engines it was 1.29 and 0.36 at most
-ONCE, SHARED = 1.5, 0.5
-#: squares of its noise that it may take off another register's instead; wrong names: up to 6
-READ = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,44 +130,13 @@ def _faint(
     taken: Sequence[Gain],
     floors: Mapping[Kind, float],
 ) -> Denied | None:
-    """A name that changes next to nothing, however sure the likelihood is of it.
-
-    Two simulations that are both sound differ in ways that repeat, and gains grow with them.
-    """
-    engines = engines_rad(model) ** 2
+    """A name that changes next to nothing, however sure the likelihood is of it."""
+    everywhere = (model, judge) if judge is not None else (model,)
     for gain in taken[::-1]:
         without, *_ = drop(model, after, gain.effect)
-        fall: dict[Kind, list[float]] = {}
-        for one in (model, judge) if judge is not None else (model,):
-            before, now = group_squares(one, without), group_squares(one, after)
-            for (group, kind), square in before.items():
-                fall.setdefault(kind, []).append(square - now[group, kind])
-        if faint(fall, engines, floors):
+        if changes_little(everywhere, without, after, floors):
             return Denied(gain, FAINT, again=False)
     return None
-
-
-def faint(
-    fall: Mapping[Kind, Sequence[float]], engines: float, floors: Mapping[Kind, float]
-) -> bool:
-    """Whether the most that a name takes off mean squares, group by group, is next to nothing.
-
-    ``engines`` is the mean square by which two simulations of the joint differ [rad^2], ``floors``
-    are deviations of noise.
-    """
-    seen = fall[Kind.POSITION]
-    if max(seen) > ONCE * engines and float(np.mean(seen)) > SHARED * engines:
-        return False
-    others = [max(fall[kind]) / floors[kind] ** 2 for kind in OTHERS if kind in fall]
-    return max(others, default=0.0) < READ
-
-
-def group_squares(model: JointModel, found: Fit) -> dict[tuple[str, Kind], float]:
-    """Mean square that a fit leaves of every kind in the recordings of every group."""
-    values: dict[tuple[str, Kind], list[Floats]] = {}
-    for (r, kind), block in model.residuals(found.hypothesis, [found.z])[0].items():
-        values.setdefault((model.observed[r].group, kind), []).append(block.value)
-    return {key: float(np.mean(np.concatenate(some) ** 2)) for key, some in values.items()}
 
 
 def _denied(

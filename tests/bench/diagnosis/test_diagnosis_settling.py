@@ -2,19 +2,8 @@
 
 import pytest
 
-from bench.diagnosis.model import Kind
 from bench.diagnosis.search import HARM, Outside
-from bench.diagnosis.settling import (
-    HARMFUL,
-    NEEDLESS,
-    ONCE,
-    READ,
-    SHARED,
-    SPOILT,
-    WORSE,
-    faint,
-    spoils,
-)
+from bench.diagnosis.settling import HARMFUL, NEEDLESS, SPOILT, WORSE, spoils
 
 FLOOR = 1e-3
 NOISE = FLOOR**2
@@ -45,20 +34,3 @@ def test_harm_counts_beside_what_a_name_mends():
     for mended, expected in ((0.9 * spoilt / SPOILT, HARMFUL), (1.1 * spoilt / SPOILT, None)):
         found = spoils(4.0 * NOISE, 4.0 * NOISE + spoilt, mended, outside(2.0), FLOOR)
         assert found == expected
-
-
-@pytest.mark.parametrize(
-    ("positions", "duty", "expected"),
-    [
-        ([1.1 * ONCE, 0.0], 0.0, False),
-        ([0.9 * ONCE, 0.9 * ONCE], 0.0, True),  # nowhere much more than engines differ by
-        ([1.1 * ONCE, *[0.0] * 9], 0.0, True),  # in one motion of ten alone
-        ([1.1 * SHARED * 10, *[0.0] * 9], 0.0, False),  # the same, but there it is much
-        ([0.0, 0.0], 1.1 * READ, False),  # the controller's own register shows it
-        ([0.0, 0.0], 0.9 * READ, True),
-    ],
-    ids=["seen", "engines", "one motion", "much in one", "in the duty", "faint in the duty"],
-)
-def test_a_name_that_changes_less_than_engines_differ_by_is_none(positions, duty, expected):
-    falls = {Kind.POSITION: [NOISE * p for p in positions], Kind.DUTY: [0.0, duty * 1e-4]}
-    assert faint(falls, NOISE, {Kind.POSITION: FLOOR, Kind.DUTY: 1e-2}) == expected

@@ -1,0 +1,33 @@
+"""How much a name must change, on squares that are given."""
+
+import pytest
+
+from bench.diagnosis.faint import ONCE, READ, SHARE, SHARED, faint
+from bench.diagnosis.model import Kind
+
+FLOOR, NOISE = 1e-3, 1e-6
+
+
+@pytest.mark.parametrize(
+    ("positions", "duty", "much", "expected"),
+    [
+        ([1.1 * ONCE, 0.0], 0.0, 0.0, False),
+        ([0.9 * ONCE, 0.9 * ONCE], 0.0, 0.0, True),  # nowhere much more than engines differ by
+        ([1.1 * ONCE, *[0.0] * 9], 0.0, 0.0, True),  # in one motion of ten alone
+        ([1.1 * SHARED * 10, *[0.0] * 9], 0.0, 0.0, False),  # the same, but there it is much
+        ([0.0, 0.0], 1.1 * READ, 0.0, False),  # the controller's own register shows it
+        ([0.0, 0.0], 0.9 * READ, 0.0, True),
+        ([0.0, 0.0], 1.1 * READ, 1.1 * READ / SHARE, True),  # little of what that leaves anyway
+    ],
+    ids=["seen", "engines", "one motion", "much in one", "duty", "faint duty", "little of it"],
+)
+def test_a_name_that_changes_less_than_engines_differ_by_is_none(positions, duty, much, expected):
+    before = {
+        Kind.POSITION: [NOISE * (p + 1.0) for p in positions],
+        Kind.DUTY: [1e-4, (duty + much + 1.0) * 1e-4],
+    }
+    now = {
+        Kind.POSITION: [NOISE for _ in positions],
+        Kind.DUTY: [1e-4, (much + 1.0) * 1e-4],
+    }
+    assert faint(before, now, NOISE, {Kind.POSITION: FLOOR, Kind.DUTY: 1e-2}) == expected
