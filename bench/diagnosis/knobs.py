@@ -211,8 +211,8 @@ NUISANCES = (
     Nuisance(
         "sampling",
         "s",
-        0.0005,
-        "jitter and turnaround of a bus; assumed",
+        0.0007,
+        "turnaround of a bus, goals and angles taken at ticks of 1 ms; assumed",
         lambda c, x: replace(c, late_s=c.late_s + x),
     ),
     Nuisance(

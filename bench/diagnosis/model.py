@@ -37,6 +37,10 @@ from .posture import arm_load
 Floats = NDArray[np.float64]
 
 RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
+#: over which voltages are averaged: a register is measured now and then, and shows that until the
+#: next time; nobody documents when, and a current's step at another instant than it was looks like
+#: noise; assumed
+WINDOW_S = 0.05
 REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
 LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again for one it has tried
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
@@ -311,7 +315,8 @@ class JointModel:
             if keep.sum() >= 5:
                 value = np.clip(value[keep], -WILD, WILD)
                 value[np.isnan(value)] = WILD
-                blocks[r, kind] = Block(samples.t_s[keep], value, extra[keep])
+                block = Block(samples.t_s[keep], value, extra[keep])
+                blocks[r, kind] = block if kind is not Kind.VOLTAGE else averaged(block, WINDOW_S)
 
     def _gain(self, r: int) -> float:
         start = self.observed[r].replay.start
@@ -343,6 +348,15 @@ def believed_refresh_s(robot: Robot, joint: str) -> float:
     """The period in which a servo's load register is renewed by its file [s], 0 where always."""
     table = robot.tables[robot.by_joint[joint].servo_id]
     return float(table.drive.get("load_refresh_s", 0.0))
+
+
+def averaged(block: Block, window_s: float) -> Block:
+    """Means over windows of time; what is sampled less often stays as it is."""
+    window = np.floor((block.t_s - block.t_s[0]) / window_s)
+    first = np.flatnonzero(np.diff(window, prepend=-1.0))
+    count = np.diff(np.append(first, len(window)))
+    sums = (np.add.reduceat(x, first) for x in (block.t_s, block.value, block.extra))
+    return Block(*(x / count for x in sums))
 
 
 def _good(observed: Observed) -> Floats:

@@ -52,10 +52,12 @@ def logs(
     settings=None,
     speed_rad_s=0.0,
     sprung=False,
+    held=1,
 ):
     """One recording a motion; ``truth`` is effects with their parameters.
 
-    ``speed_rad_s`` is that of the joint in the beginning; the gear is rigid, or ``sprung``.
+    ``speed_rad_s`` is that of the joint in the beginning; the gear is rigid, or ``sprung``. A
+    voltage is shown until so many reads later, ``held``.
     """
     drafts = [
         recorded(name, dict.fromkeys(registers), duration_s, condition, name, settings)
@@ -78,6 +80,8 @@ def logs(
     made = []
     for k, (name, out) in enumerate(zip(motions, outs, strict=True)):
         seen = {r: out[:, CHANNELS[r]].copy() for r in registers}
+        if VOLTS in seen:
+            seen[VOLTS] = np.repeat(seen[VOLTS][::held], held)[: len(out)]
         seen[POSITION] += noise_rad * random.normal(size=len(out))
         group = groups[k] if groups else name
         made.append(recorded(name, seen, duration_s, condition, group, settings, k))

@@ -21,7 +21,9 @@ from bench.diagnosis.fit import (
 )
 from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import INSTANT_S, LATEST, Hypothesis, JointModel, Kind
+from bench.diagnosis.model import INSTANT_S, LATEST, Hypothesis, JointModel, Kind, averaged
+from bench.diagnosis.noise import Block
+from bench.diagnosis.search import NEEDED, confirm
 from sim.effects import effect
 from sim.stepped import TICK_S
 
@@ -67,6 +69,27 @@ def test_the_voltage_of_a_model_is_its_own_within_a_count():
         if kind is Kind.VOLTAGE:
             quantum = model.observed[r].channels[kind.channel].quantum
             assert np.quantile(np.abs(block.value), 0.9) < quantum
+
+
+def test_a_sag_is_seen_in_a_voltage_that_is_measured_now_and_then():
+    ohm = 0.6
+    told = logs({"voltage_sag": {"resistance_ohm": ohm}}, registers=(POSITION, VOLTS), held=2)
+    model = model_of(told)
+    before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    found = confirm(model, before, effect("voltage_sag"), np.append(before.z, 0.1))
+    (knob,) = found.fit.hypothesis.knobs
+    assert found.deflated > NEEDED
+    assert knob.value(found.fit.z[-1]) == pytest.approx(ohm, rel=0.15)
+
+
+def test_voltages_are_means_over_windows_and_rare_ones_stay():
+    often = Block(np.array([0.0, 0.01, 0.02, 0.06]), np.array([1.0, 2.0, 3.0, 7.0]), np.ones(4))
+    mean = averaged(often, 0.05)
+    assert mean.t_s == pytest.approx([0.01, 0.06])
+    assert mean.value == pytest.approx([2.0, 7.0])
+    assert mean.extra == pytest.approx([1.0, 1.0])
+    rare = Block(np.arange(4.0), np.arange(4.0) ** 2, np.zeros(4))
+    assert averaged(rare, 0.05).value == pytest.approx(rare.value)
 
 
 def test_residuals_are_recorded_less_modelled():
