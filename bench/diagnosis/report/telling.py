@@ -25,6 +25,7 @@ from .words import (
 #: a misfit in a register that is too small to matter: of full drive, and of a voltage register
 #: whose step is 0.1 V; assumed
 SMALL: Mapping[str, float] = MappingProxyType({"duty": 0.01, "voltage": 0.1})
+REGISTERS = MappingProxyType({"duty": "load or duty", "voltage": "voltage"})
 QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
 BETTER = 0.8  #: of the misfit before: what is below it got better
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
@@ -108,7 +109,17 @@ def explains(cause: Cause) -> str:
 
 def worse(diagnosis: Diagnosis) -> bool:
     """Whether what is named makes the recordings that judge fit worse."""
-    return bool(diagnosis.causes) and diagnosis.fit.after > diagnosis.fit.before
+    more = diagnosis.fit.after > diagnosis.fit.before
+    return bool(diagnosis.causes) and more and not elsewhere(diagnosis)
+
+
+def elsewhere(diagnosis: Diagnosis) -> list[str]:
+    """Registers other than the position that what is named follows better."""
+    return [
+        REGISTERS[str(c["channel"])]
+        for c in diagnosis.channels
+        if c["channel"] in REGISTERS and c["rms_after"] <= BETTER * c["rms_before"]
+    ]
 
 
 def cautions(diagnosis: Diagnosis) -> list[str]:
@@ -121,10 +132,16 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
             "numbers hold there."
         )
     elif diagnosis.causes and sum(c.explained_share for c in diagnosis.causes) < LITTLE:
-        told.append(
-            "What is named takes next to nothing of the misfit away: a hint at most, not the cause "
-            "of what is seen."
-        )
+        if registers := elsewhere(diagnosis):
+            told.append(
+                f"What is named shows in the {joined(registers)} register. The misfit of which it "
+                "explains a share is that of positions, which hardly change."
+            )
+        else:
+            told.append(
+                "What is named takes next to nothing of the misfit away: a hint at most, not the "
+                "cause of what is seen."
+            )
     if unfinished(diagnosis):
         told.append(
             "The time was used up before the search was done: what is named may not be all, and "

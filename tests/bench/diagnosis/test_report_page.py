@@ -287,6 +287,17 @@ def test_a_name_that_explains_little_is_called_a_hint():
     assert "a hint at most" not in printed(FOUND)
 
 
+def test_a_name_that_shows_in_another_register_is_no_hint():
+    supply = {"channel": "voltage", "judges": "the supply", "rms_before": 0.17, "rms_after": 0.05,
+              "rounding": 0.03, "noise": 0.05}  # fmt: skip
+    sag = replace(CAUSE, effect="voltage_sag", explained_share=0.0)
+    fit = replace(FOUND.fit, after=1.001 * FOUND.fit.before)
+    text = printed(replace(FOUND, causes=(sag,), channels=(supply,), fit=fit))
+    assert "shows in the voltage register" in text
+    assert "a hint at most" not in text
+    assert "misses by more than before" not in text
+
+
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_the_summary_begins_with_the_verdict(verdict):
     causes = () if verdict in ("consistent", "unexplained") else FOUND.causes
