@@ -22,36 +22,32 @@ OTHERS = (Kind.DUTY, Kind.VOLTAGE)
 #: positions in some group of recordings, and in the mean of all. Of eight wrong names on rigs of
 #: two other engines it was 1.29 and 0.36 at most
 ONCE, SHARED = 1.5, 0.5
-#: squares of its noise that it may take off another register's mean square instead, and the share
-#: of it: a duty that is read at another instant than it was made has a rest of many times its noise
-READ, SHARE = 10.0, 0.1
+#: squares of its rounding that it may take off another register's mean square instead, and the
+#: share of that: a duty that is read at another instant than it was made has a rest of many times
+#: its rounding, and a wrong instant of reading took up 15 % of one
+READ, SHARE = 10.0, 0.3
 
 Squares = Mapping[Kind, Sequence[float]]  #: mean squares by kind, of every group of recordings
 
 
-def changes_little(
-    models: Sequence[JointModel], without: Fit, with_it: Fit, floors: Mapping[Kind, float]
-) -> bool:
-    """Whether one fit is hardly nearer to the recordings of some models than another.
-
-    ``floors`` are deviations of noise by kind.
-    """
+def changes_little(models: Sequence[JointModel], without: Fit, with_it: Fit) -> bool:
+    """Whether one fit is hardly nearer to the recordings of some models than another."""
     before, now = (group_squares(models, found) for found in (without, with_it))
-    return faint(before, now, engines_rad(models[0]) ** 2, floors)
+    return faint(before, now, engines_rad(models[0]) ** 2, models[0].floors())
 
 
-def faint(before: Squares, now: Squares, engines: float, floors: Mapping[Kind, float]) -> bool:
+def faint(before: Squares, now: Squares, engines: float, rounding: Mapping[Kind, float]) -> bool:
     """Whether what a name takes off mean squares is next to nothing.
 
-    ``engines`` is the mean square by which two simulations of the joint differ [rad^2], ``floors``
-    are deviations of noise.
+    ``engines`` is the mean square by which two simulations of the joint differ [rad^2],
+    ``rounding`` the deviation that a register's step makes.
     """
     fall = {kind: np.array(some) - np.array(now[kind]) for kind, some in before.items()}
     seen = fall[Kind.POSITION]
     if seen.max() > ONCE * engines and seen.mean() > SHARED * engines:
         return False
     return not any(
-        (fall[kind] > np.maximum(READ * floors[kind] ** 2, SHARE * np.array(before[kind]))).any()
+        (fall[kind] > np.maximum(READ * rounding[kind] ** 2, SHARE * np.array(before[kind]))).any()
         for kind in OTHERS
         if kind in fall
     )

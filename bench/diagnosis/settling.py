@@ -85,7 +85,7 @@ def settle(
     while True:
         denied = _objected(model, after, taken, effects, needed)
         if denied is None:
-            denied = _faint(model, judge, after, taken, floors)
+            denied = _faint(model, judge, after, taken)
         if denied is None and judge is not None:
             denied = _denied(model, judge, after, taken, floors, watch.tell)
         if denied is None:
@@ -128,13 +128,12 @@ def _faint(
     judge: JointModel | None,
     after: Fit,
     taken: Sequence[Gain],
-    floors: Mapping[Kind, float],
 ) -> Denied | None:
     """A name that changes next to nothing, however sure the likelihood is of it."""
     everywhere = (model, judge) if judge is not None else (model,)
     for gain in taken[::-1]:
         without, *_ = drop(model, after, gain.effect)
-        if changes_little(everywhere, without, after, floors):
+        if changes_little(everywhere, without, after):
             return Denied(gain, FAINT, again=False)
     return None
 
