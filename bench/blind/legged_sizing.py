@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache, lru_cache
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ Floats = NDArray[np.float64]
 
 #: of a walk, in which it stands up and lies down; assumed
 BEGINNING_S, END_S = 2.0, 0.5
+SIZED_S = 5.0  #: of a walk on which sizes are measured
 
 
 def believed(scene: Scene, plan: Plan | None = None) -> Whole:
@@ -32,7 +34,12 @@ def believed(scene: Scene, plan: Plan | None = None) -> Whole:
 
 
 def _sized_on(scene: Scene) -> list[Group]:
-    return [group for group in scene.groups if group.name in scene.sized_on]
+    """Groups that sizes are measured on; of walks the beginning is enough."""
+    some = [group for group in scene.groups if group.name in scene.sized_on]
+    return [
+        replace(g, plan=replace(g.plan, seconds=SIZED_S)) if isinstance(g.plan, WalkPlan) else g
+        for g in some
+    ]
 
 
 class Track(NamedTuple):
