@@ -26,6 +26,7 @@ from .words import (
 #: whose step is 0.1 V; assumed
 SMALL: Mapping[str, float] = MappingProxyType({"duty": 0.01, "voltage": 0.1})
 REGISTERS = MappingProxyType({"duty": "load or duty", "voltage": "voltage"})
+HARDLY = 1.02  #: times the misfit of positions that is no worse, where another register is better
 QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
 BETTER = 0.8  #: of the misfit before: what is below it got better
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
@@ -109,8 +110,8 @@ def explains(cause: Cause) -> str:
 
 def worse(diagnosis: Diagnosis) -> bool:
     """Whether what is named makes the recordings that judge fit worse."""
-    more = diagnosis.fit.after > diagnosis.fit.before
-    return bool(diagnosis.causes) and more and not elsewhere(diagnosis)
+    bearable = HARDLY if elsewhere(diagnosis) else 1.0
+    return bool(diagnosis.causes) and diagnosis.fit.after > bearable * diagnosis.fit.before
 
 
 def elsewhere(diagnosis: Diagnosis) -> list[str]:
