@@ -9,6 +9,7 @@ lockstep; groups are shared over threads.
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +26,7 @@ from .stepped import TICK_S
 
 RIGID_SUBSTEPS = 5  #: of a tick, with rotor and load in one
 GEAR_SUBSTEPS = 10  #: of a tick, with a gear between them
+TURNS = 40  #: of the fixed point of a sensor's wave: each takes off amplitude x periods of the rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,8 +187,8 @@ class Batch:
             supplies[j, kernel.SUPPLY_VOLTAGE] = c.voltage_v
             supplies[j, kernel.SUPPLY_RESISTANCE] = c.source_ohm
             loads[j, kernel.LOAD_INERTIA] = c.load.inertia_kg_m2
-            offset = c.drive[kernel.ZERO_OFFSET]
-            loads[j, kernel.SHAFT_POSITION] = replay.position_rad + c.start_offset_rad - offset
+            shown = replay.position_rad + c.start_offset_rad
+            loads[j, kernel.SHAFT_POSITION] = shaft_at(c.drive, shown)
             loads[j, kernel.SHAFT_VELOCITY] = replay.velocity_rad_s
             loads[j, kernel.SAMPLE_SKEW] = c.skew_s + c.late_s
             loads[j, kernel.DUTY_REFRESH] = c.load_refresh_s
@@ -256,6 +258,20 @@ class Batch:
         parts = max(1, min(count, 2 * self._threads))
         ends = [count * k // parts for k in range(parts + 1)]
         return list(itertools.pairwise(ends))
+
+
+def shaft_at(drive: Array, shown_rad: float) -> float:
+    """The shaft's angle at which a servo shows an angle, both [rad]: :func:`kernel.sense` undone.
+
+    ``drive`` is the column of its parameters. A wave as steep as the turn itself shows some angles
+    more than once; then the shaft is only near one of them.
+    """
+    plain = shown_rad - float(drive[kernel.ZERO_OFFSET])
+    shaft = plain
+    wave, periods, phase = drive[[kernel.WAVE, kernel.WAVE_PERIODS, kernel.WAVE_PHASE]].tolist()
+    for _ in range(TURNS if wave else 0):
+        shaft = plain - wave * math.sin(periods * shaft + phase)
+    return shaft
 
 
 @cache

@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.stepped import TICK_S
+
 from .fit import Fit
 from .floor import engines_rad
 from .model import JointModel, Kind
@@ -30,10 +32,28 @@ READ, SHARE = 10.0, 0.3
 Squares = Mapping[Kind, Sequence[float]]  #: mean squares by kind, of every group of recordings
 
 
-def changes_little(models: Sequence[JointModel], without: Fit, with_it: Fit) -> bool:
-    """Whether one fit is hardly nearer to the recordings of some models than another."""
+def changes_little(models: Sequence[JointModel], without: Fit, with_it: Fit, effect: str) -> bool:
+    """Whether a fit is hardly nearer to the recordings of some models with an effect than without.
+
+    A time of less than a tick is where a firmware's ticks lie, which nobody knows.
+    """
+    if within_a_tick(with_it, len(models[0].nuisances), effect):
+        return True
     before, now = (group_squares(models, found) for found in (without, with_it))
     return faint(before, now, engines_rad(models[0]) ** 2, models[0].floors())
+
+
+def within_a_tick(found: Fit, count: int, effect: str) -> bool:
+    """Whether all sizes of an effect are times, and less than a tick of the firmware.
+
+    ``count`` is the number of nuisances in the fit's vector.
+    """
+    sizes = [
+        (knob.parameter.unit, knob.value(z))
+        for knob, z in zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True)
+        if knob.effect == effect and not knob.parameter.shape
+    ]
+    return all(unit == "s" and abs(value) < TICK_S for unit, value in sizes)
 
 
 def faint(before: Squares, now: Squares, engines: float, rounding: Mapping[Kind, float]) -> bool:

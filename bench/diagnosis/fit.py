@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from .journal import digest
-from .knobs import TWINS
 from .model import Blocks, Hypothesis, JointModel, Kind
 from .noise import Block, Noise, cost, estimate, huber_weight, whiten
 
@@ -45,12 +44,11 @@ class Fit:
 def bounds(model: JointModel, hypothesis: Hypothesis) -> tuple[Floats, Floats]:
     """The least and the greatest value of every number of a vector.
 
-    A nuisance stays at 0 where an effect of the same kind is on.
+    A nuisance stays at 0 where it is idle.
     """
-    idle = {TWINS[name] for name in hypothesis.effects if name in TWINS}
-    reach = [0.0 if n.name in idle else n.reach for n in model.nuisances]
-    low = [-r for r in reach] + [k.bounds[0] for k in hypothesis.knobs]
-    high = reach + [k.bounds[1] for k in hypothesis.knobs]
+    idle = model.idle(hypothesis)
+    ends = [(0.0, 0.0) if n.name in idle else n.ends for n in model.nuisances]
+    low, high = zip(*ends, *(k.bounds for k in hypothesis.knobs), strict=True)
     return np.array(low), np.array(high)
 
 

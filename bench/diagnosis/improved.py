@@ -13,6 +13,7 @@ with the numbers of the named effects free as well.
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Mapping, Sequence
 from datetime import date
@@ -53,6 +54,8 @@ PLACES = {
     "supply": ("supply_voltage", "scale"),
     "gain": ("gain_error", "scale"),
     "rotor_level": ("rotor_inertia", "scale"),
+    "gear_stiffness": ("gear_spring", "stiffness_scale"),
+    "gear_damping": ("gear_spring", "damping_scale"),
 }
 #: of those whose effect counts in another unit than the nuisance: the friction that it scales
 LEVELS = {"coulomb_level": "coulomb_nm", "viscous_level": "viscous_nm_s_rad"}
@@ -127,6 +130,11 @@ def _slope(found: JointFindings, nuisance: Nuisance) -> float:
     return nuisance.deviation * (getattr(drive.friction, level) if level else 1.0)
 
 
+def _ratio(scale: float, nuisance: Nuisance) -> float:
+    """How many deviations of a nuisance that is a factor a scale is."""
+    return math.log(scale) / nuisance.deviation
+
+
 def _once(findings: Sequence[JointFindings]) -> Mapping[str, float]:
     """Nuisances that an arm has once, by name: the median of all joints [deviations]."""
     values: dict[str, list[float]] = {}
@@ -160,8 +168,11 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
             ends = (once[nuisance.name], once[nuisance.name])
         elif nuisance.name in PLACES and not (once and nuisance.name == "link"):
             _, known = _place(nuisance.name)
-            slope = max(_slope(found, nuisance), 1e-12)
-            ends = ((known.low - known.off) / slope, (known.high - known.off) / slope)
+            if nuisance.logarithmic:
+                ends = (_ratio(known.low, nuisance), _ratio(known.high, nuisance))
+            else:
+                slope = max(_slope(found, nuisance), 1e-12)
+                ends = ((known.low - known.off) / slope, (known.high - known.off) / slope)
         low[k], high[k] = np.clip(ends, low[k], high[k])
     start = np.clip(z, low, high)
     if (start == z).all() and not foretold(found):
@@ -192,7 +203,10 @@ def _nuisances(found: JointFindings, vector: Floats, joint: str, told: str) -> l
         if nuisance.name not in PLACES or z == 0.0:
             continue
         there, parameter = _place(nuisance.name)
-        value = parameter.off + z * _slope(found, nuisance)
+        if nuisance.logarithmic:
+            value = parameter.off * math.exp(z * nuisance.deviation)
+        else:
+            value = parameter.off + z * _slope(found, nuisance)
         value = min(parameter.high, max(parameter.low, value))
         if value != parameter.off:
             estimate = Estimate(value, f"nuisance {nuisance.name}; {told}")

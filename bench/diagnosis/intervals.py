@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from .confidence import NORMAL, estimate, sandwich, state, stretches
-from .fit import Around, Fit, bounds, fit
+from .fit import EDGE, Around, Fit, bounds, fit
 from .floor import ENGINE_RAD
+from .knobs import Knob
 from .model import JointModel, Kind
 from .noise import huber_weight, whiten
 from .result import Estimate
@@ -204,6 +205,29 @@ def interval(
     return ends[0], ends[1]
 
 
+def widened(found: Fit, variances: Floats, knob: Knob, k: int) -> Floats:
+    """Variances with what two sound simulations mean by number ``k``, a size of an effect."""
+    variances = variances.copy()
+    if knob.logarithmic:
+        variances[k] += ENGINES_SHARE**2
+    elif not knob.parameter.shape:
+        variances[k] += (ENGINES_SHARE * float(found.z[k])) ** 2
+    return variances
+
+
+def may_be_nothing(model: JointModel, found: Fit, spread: Spread, effect: str) -> bool:
+    """Whether the intervals of all sizes of an effect hold its off value."""
+    variances, count = spread.variances(), len(model.nuisances)
+    for i, knob in enumerate(found.hypothesis.knobs):
+        if knob.effect != effect or knob.parameter.shape:
+            continue
+        wide = widened(found, variances, knob, count + i)
+        low, high = interval(model, found, spread, wide, count + i)
+        if low > EDGE or high < -EDGE:
+            return False
+    return True
+
+
 def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]:
     """Parameters of an effect with their intervals and states."""
     spread = Spread(model, found)
@@ -217,11 +241,8 @@ def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]
         if knob.effect != effect:
             continue
         k = count + i
-        if knob.logarithmic:
-            variances[k] += ENGINES_SHARE**2
-        elif not knob.parameter.shape:
-            variances[k] += (ENGINES_SHARE * float(found.z[k])) ** 2
-        ends = interval(model, found, spread, variances, k)
-        said = state(found.z, k, float(np.sqrt(variances[k])), knob, spread.believed, names)
+        wide = widened(found, variances, knob, k)
+        ends = interval(model, found, spread, wide, k)
+        said = state(found.z, k, float(np.sqrt(wide[k])), knob, spread.believed, names)
         made[knob.parameter.name] = estimate(knob, float(found.z[k]), ends, said)
     return made

@@ -30,6 +30,7 @@ OUTSIDE = frozenset(
         "foot_compliance",
         "foot_slip",
         "ground_compliance",
+        "gear_spring",
         "ground_tilt",
         "leg_geometry",
         "latency_timer",
@@ -43,6 +44,8 @@ OUTSIDE = frozenset(
 WITHIN = 2.0  #: deviations that a nuisance with a tolerance may take
 FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was stated
 
+
+LOGARITHM = "(logarithm)"  #: unit of a nuisance that is a factor
 
 MASS, CENTRE_M = 0.05, 0.003  #: tolerances of a link's mass and of where its centre is
 
@@ -127,6 +130,7 @@ class Nuisance:
     ``change`` takes a candidate of its own and what is added, and changes or replaces it.
     ``reach`` is how many deviations it may take. What has a tolerance lies anywhere within it and
     never far outside: two deviations are 1.15 times the tolerance, and beyond that it is a finding.
+    ``least`` is the least it may take, if that is not as far the other way.
     """
 
     name: str
@@ -135,12 +139,31 @@ class Nuisance:
     source: str
     change: Callable[[Candidate, float], Candidate]
     reach: float = WITHIN
+    least: float | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value [deviations]."""
+        return -self.reach if self.least is None else self.least, self.reach
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether what is added is the logarithm of a factor."""
+        return self.unit == LOGARITHM
 
 
 def _scaled(*fields: int) -> Callable[[Candidate, float], Candidate]:
     def change(candidate: Candidate, x: float) -> Candidate:
         for field in fields:
             candidate.drive[field] *= max(0.0, 1.0 + x)
+        return candidate
+
+    return change
+
+
+def _times(field: int) -> Callable[[Candidate, float], Candidate]:
+    def change(candidate: Candidate, x: float) -> Candidate:
+        candidate.drive[field] *= math.exp(x)
         return candidate
 
     return change
@@ -225,6 +248,21 @@ NUISANCES = (
     Nuisance(
         "gain", "(ratio)", 0.03, "scale of a gain register; assumed", _scaled(kernel.GAIN_SCALE)
     ),
+    Nuisance(
+        "gear_stiffness",
+        LOGARITHM,
+        math.log(4.0),
+        "no data sheet tells a gear's stiffness; softer is a finding; assumed",
+        _times(kernel.GEAR_STIFFNESS),
+        least=0.0,
+    ),
+    Nuisance(
+        "gear_damping",
+        LOGARITHM,
+        math.log(4.0),
+        "no data sheet tells a gear's damping; assumed",
+        _times(kernel.GEAR_DAMPING),
+    ),
 )
 
 
@@ -282,8 +320,14 @@ TWINS = {
 }
 
 
-#: parameters that one joint on a rig cannot show: a weight is where the robot file puts it
-NOT_TURNED = frozenset({("payload", "x_m"), ("payload", "y_m"), ("payload", "z_m")})
+#: nuisances of a gear that is a spring; the stiffness is an effect's where that is a softer one
+GEAR_LEVELS = frozenset({"gear_stiffness", "gear_damping"})
+SOFTER = "joint_compliance"
+#: parameters that one joint on a rig cannot show: a weight is where the robot file puts it; and a
+#: gear's damping, of which nobody knows enough to call any a finding
+NOT_TURNED = frozenset(
+    {("payload", "x_m"), ("payload", "y_m"), ("payload", "z_m"), (SOFTER, "damping_nm_s_rad")}
+)
 #: of a nuisance that its effect counts in another unit: what the ratio is of
 AMOUNTS = {"coulomb_level": kernel.COULOMB, "viscous_level": kernel.VISCOUS}
 

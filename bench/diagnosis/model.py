@@ -29,7 +29,7 @@ from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
 from .journal import Journal, code, digest
-from .knobs import Knob, nuisances, with_effects
+from .knobs import GEAR_LEVELS, SOFTER, TWINS, Knob, nuisances, with_effects
 from .noise import Block
 from .observed import Channel, Observed
 from .posture import arm_load
@@ -147,7 +147,7 @@ class JointModel:
             self.mount,
             self._load_refresh_s,
             self.sprung,
-            [(n.name, n.deviation, n.reach) for n in self.nuisances],
+            [(n.name, n.deviation, n.ends) for n in self.nuisances],
             *(part for one in self.observed for part in one.parts()),
         )
 
@@ -160,6 +160,19 @@ class JointModel:
         """The same joint in other recordings."""
         known = self.base, self.robot, observed, self.journal, self._load_refresh_s
         return JointModel(*known, sprung=self.sprung)
+
+    def rigid(self, hypothesis: Hypothesis) -> bool:
+        """Whether rotor and load are one mass."""
+        return not self.sprung and not GEARS & set(hypothesis.effects)
+
+    def idle(self, hypothesis: Hypothesis) -> set[str]:
+        """Names of nuisances that are an effect's own, or do nothing, in a hypothesis."""
+        idle = {TWINS[name] for name in hypothesis.effects if name in TWINS}
+        if self.rigid(hypothesis):
+            idle |= GEAR_LEVELS
+        if SOFTER in hypothesis.effects:
+            idle.add("gear_stiffness")
+        return idle
 
     def turns_controller(self, hypothesis: Hypothesis, k: int) -> bool:
         """Whether number ``k`` of a vector is one that the controller's duty depends on."""
@@ -188,7 +201,7 @@ class JointModel:
                 bare = replace(robot, payload=replace(robot.payload, mass_kg=0.0))
                 heavy = robot.bodies[0].mass.mass_kg > 0.0
                 payload = load.plus(self._load(bare, r), -1.0) if heavy else load
-            rigid = not self.sprung and not GEARS & set(hypothesis.effects)
+            rigid = self.rigid(hypothesis)
             if len(self._made) > REMEMBERED:
                 self._made.clear()
             made = Candidate.of(robot, self.index, load, rigid=rigid)

@@ -22,6 +22,7 @@ OUTSIDE = frozenset(
     {
         "back_emf",
         "encoder_nonlinearity",
+        "gear_spring",
         "latency_timer",
         "load_refresh",
         "lost_samples",

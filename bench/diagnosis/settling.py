@@ -14,7 +14,7 @@ from sim.effects import Effect
 from .faint import changes_little
 from .fit import Fit, block_rms
 from .growing import grow
-from .intervals import Spread
+from .intervals import Spread, may_be_nothing
 from .model import JointModel, Kind
 from .rest import rest_of
 from .search import (
@@ -55,6 +55,15 @@ class Denied:
 
 
 @dataclass(frozen=True, slots=True)
+class Part:
+    """A name of several, and the fit of what is left without it."""
+
+    gain: Gain
+    without: Fit
+    own: Gain  #: what it gains over that
+
+
+@dataclass(frozen=True, slots=True)
 class Settled:
     """A fit, the names that hold, all that was confirmed, and what may be named at all."""
 
@@ -84,14 +93,15 @@ def settle(
     after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
     while True:
         denied = _objected(model, after, taken, effects, needed)
+        parts = _parts(model, after, taken, watch.tell) if denied is None else []
         if denied is None:
-            denied = _faint(model, judge, after, taken)
+            denied = _faint(model, judge, after, parts)
         if denied is None and judge is not None:
-            denied = _denied(model, judge, after, taken, floors, watch.tell)
+            denied = _denied(model, judge, after, parts, floors)
         if denied is None:
-            denied = _unsure(model, after, taken, floors)
+            denied = _unsure(model, after, parts, floors)
         if denied is None:
-            denied = _little(model, judge or model, before, after, taken, floor)
+            denied = _little(model, judge or model, before, after, parts, floor)
         if denied is None:
             return Settled(after, taken, confirmed, effects, rejected)
         needed = max(needed, denied.needed)
@@ -123,18 +133,24 @@ def _objected(
     return None
 
 
+def _parts(model: JointModel, after: Fit, taken: Sequence[Gain], say: Progress) -> Sequence[Part]:
+    """All names, the last one first, each with the fit of what is left without it."""
+    parts = []
+    for gain in taken[::-1]:
+        say(f"without {gain.effect}")
+        without, own = drop(model, after, gain.effect)
+        parts.append(Part(gain, without, own))
+    return parts
+
+
 def _faint(
-    model: JointModel,
-    judge: JointModel | None,
-    after: Fit,
-    taken: Sequence[Gain],
+    model: JointModel, judge: JointModel | None, after: Fit, parts: Sequence[Part]
 ) -> Denied | None:
     """A name that changes next to nothing, however sure the likelihood is of it."""
     everywhere = (model, judge) if judge is not None else (model,)
-    for gain in taken[::-1]:
-        without, *_ = drop(model, after, gain.effect)
-        if changes_little(everywhere, without, after):
-            return Denied(gain, FAINT, again=False)
+    for part in parts:
+        if changes_little(everywhere, part.without, after, part.gain.effect):
+            return Denied(part.gain, FAINT, again=False)
     return None
 
 
@@ -142,20 +158,17 @@ def _denied(
     model: JointModel,
     judge: JointModel,
     after: Fit,
-    taken: Sequence[Gain],
+    parts: Sequence[Part],
     floors: Mapping[Kind, float],
-    say: Progress,
 ) -> Denied | None:
     """The effect that does most harm to recordings that were not used to fit, if any does."""
     harms = []
-    for gain in taken:
-        say(f"{gain.effect} on recordings that were not used to fit")
-        without, *_ = drop(model, after, gain.effect)
-        mended = _square(model, without) - _square(model, after)
-        squares = _square(judge, without), _square(judge, after)
-        outside = inside(judge, without, after, floors)
+    for part in parts[::-1]:
+        mended = _square(model, part.without) - _square(model, after)
+        squares = _square(judge, part.without), _square(judge, after)
+        outside = inside(judge, part.without, after, floors)
         if (why := spoils(*squares, mended, outside, floors[Kind.POSITION])) is not None:
-            harms.append((outside.harm, gain, why))
+            harms.append((outside.harm, part.gain, why))
     if not harms:
         return None
     _, gain, why = max(harms, key=lambda entry: entry[0])
@@ -185,26 +198,28 @@ def _square(model: JointModel, found: Fit) -> float:
 
 
 def _unsure(
-    model: JointModel, after: Fit, taken: Sequence[Gain], floors: Mapping[Kind, float]
+    model: JointModel, after: Fit, parts: Sequence[Part], floors: Mapping[Kind, float]
 ) -> Denied | None:
     """A name of several that gains nothing beside the others, or whose size may be nothing."""
-    if not taken:
+    if not parts:
         return None
     spread, count = Spread(model, after), len(model.nuisances)
-    without: dict[str, Fit] = {}
-    for gain in taken[::-1]:
+    for part in parts:
         sizes = [
             count + i
             for i, knob in enumerate(after.hypothesis.knobs)
-            if knob.effect == gain.effect and not knob.parameter.shape
+            if knob.effect == part.gain.effect and not knob.parameter.shape
         ]
-        without[gain.effect], own = drop(model, after, gain.effect)
-        likely = 2.0 * own.counted(spread.doubt(sizes))
-        if spread.seen_by_steps(sizes) and likely < chi2.ppf(SURE, len(sizes)):
-            return Denied(gain, NOTHING, again=False)
-    if len(taken) > 1:
-        parts = [(gain, without[gain.effect]) for gain in taken[::-1]]
-        for gain in beside_others(model, after, parts, floors):
+        if not spread.seen_by_steps(sizes):
+            continue
+        likely = 2.0 * part.own.counted(spread.doubt(sizes))
+        if likely < chi2.ppf(SURE, len(sizes)) or may_be_nothing(
+            model, after, spread, part.gain.effect
+        ):
+            return Denied(part.gain, NOTHING, again=False)
+    if len(parts) > 1:
+        pairs = [(part.gain, part.without) for part in parts]
+        for gain in beside_others(model, after, pairs, floors):
             if gain.outside < HELD_OUT:
                 return Denied(gain, ALONE, again=False)
     return None
@@ -215,17 +230,16 @@ def _little(
     judge: JointModel,
     before: Fit,
     after: Fit,
-    taken: Sequence[Gain],
+    parts: Sequence[Part],
     floor: float,
 ) -> Denied | None:
     """A name that explains little, where much is left: the cause is another, or one more."""
-    if not taken or not rest_of(model, judge, after, floor).structured:
+    if not parts or not rest_of(model, judge, after, floor).structured:
         return None
     everywhere = list(dict.fromkeys((model, judge)))
-    for gain in taken[::-1]:
-        without, *_ = drop(model, after, gain.effect)
-        if explained(everywhere, before, without, after, floor) < LITTLE:
-            return Denied(gain, BESIDE, again=False)
+    for part in parts:
+        if explained(everywhere, before, part.without, after, floor) < LITTLE:
+            return Denied(part.gain, BESIDE, again=False)
     return None
 
 

@@ -230,6 +230,21 @@ def test_a_nuisance_that_is_the_robots_is_in_the_better_model(name, z, tmp_path)
         assert np.abs(got[key].value - block.value).max() <= 0.01 * moved
 
 
+def test_the_levels_of_a_gear_that_is_a_spring_are_in_the_better_model(tmp_path):
+    told = observe(logs(motions=["fast"], duration_s=0.3), robot(), JOINT)
+    model = JointModel(read_model(robot()), robot(), told, sprung=True)
+    vector = np.zeros(len(model.nuisances))
+    names = [n.name for n in model.nuisances]
+    vector[names.index("gear_stiffness")], vector[names.index("gear_damping")] = 0.5, -1.0
+    diagnosis = SimpleNamespace(causes=(), verdict="consistent")
+    after = Fit(Hypothesis(), vector, {}, 0.0)
+    found = SimpleNamespace(model=model, after=after, diagnosis=diagnosis)
+    better, _ = loaded([found], tmp_path / "model.toml")
+    (was,), (now,) = (read_model(one).joints for one in (robot(), better))
+    assert now.drive.gear_stiffness_nm_rad == pytest.approx(was.drive.gear_stiffness_nm_rad * 2.0)
+    assert now.drive.gear_damping_nm_s_rad == pytest.approx(was.drive.gear_damping_nm_s_rad / 4.0)
+
+
 @pytest.fixture(scope="module")
 def half():
     """A fit that has one effect of two: what is left is structured."""

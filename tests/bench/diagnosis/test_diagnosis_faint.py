@@ -1,9 +1,13 @@
 """How much a name must change, on squares that are given."""
 
+import numpy as np
 import pytest
 
-from bench.diagnosis.faint import ONCE, READ, SHARE, SHARED, faint
-from bench.diagnosis.model import Kind
+from bench.diagnosis.faint import ONCE, READ, SHARE, SHARED, faint, within_a_tick
+from bench.diagnosis.fit import Fit
+from bench.diagnosis.knobs import effect_knobs
+from bench.diagnosis.model import Hypothesis, Kind
+from sim.effects import effect
 
 FLOOR, NOISE = 1e-3, 1e-6
 
@@ -31,3 +35,19 @@ def test_a_name_that_changes_less_than_engines_differ_by_is_none(positions, duty
         Kind.DUTY: [1e-4, (much + 1.0) * 1e-4],
     }
     assert faint(before, now, NOISE, {Kind.POSITION: FLOOR, Kind.DUTY: 1e-2}) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("read_skew", -0.0009, True),
+        ("read_skew", 0.0012, False),
+        ("transport_delay", 0.0009, True),
+        ("dead_zone", 0.0001, False),  # no time at all
+        ("thermal_derating", 0.0005, False),  # its time only shapes it
+    ],
+)
+def test_a_time_of_less_than_a_tick_is_no_name(name, value, expected):
+    knobs = effect_knobs(effect(name))
+    z = np.append(np.zeros(2), [knobs[0].at(value), *[0.0] * (len(knobs) - 1)])
+    assert within_a_tick(Fit(Hypothesis(knobs), z, {}, 0.0), 2, name) is expected

@@ -1,11 +1,19 @@
 """Which gear is believed in: recordings of a rigid one, and of the spring of the robot file."""
 
+import numpy as np
 import pytest
-from pendulum_logs import JOINT, logs, robot
+from pendulum_logs import JOINT, logs, model_of, robot
 
+from bench.diagnosis.fit import bounds, fit
 from bench.diagnosis.gear import believed
+from bench.diagnosis.knobs import GEAR_LEVELS, effect_knobs
+from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
+from sim.effects import effect
 from sim.model import read_model
+
+PLAY = Hypothesis(effect_knobs(effect("backlash")))
+SOFT = Hypothesis(effect_knobs(effect("joint_compliance")))
 
 
 @pytest.mark.parametrize("sprung", [False, True], ids=["rigid", "a spring"])
@@ -15,3 +23,33 @@ def test_the_gear_that_recordings_follow_is_believed(sprung):
     assert model.sprung == sprung
     assert model.of(told).sprung == sprung
     assert len(before.z) == len(model.nuisances)
+
+
+def free_levels(model, hypothesis):
+    low, high = bounds(model, hypothesis)
+    ends = dict(zip((n.name for n in model.nuisances), zip(low, high, strict=False), strict=False))
+    return {name for name in GEAR_LEVELS if ends[name][0] < ends[name][1]}
+
+
+def test_a_gear_that_is_a_spring_is_stiff_and_damped_as_the_recordings_say():
+    model = model_of(logs(motions=("fast",), duration_s=0.3))
+    assert free_levels(model, Hypothesis()) == set()
+    assert free_levels(model, PLAY) == GEAR_LEVELS
+    assert free_levels(model, SOFT) == {"gear_damping"}  # how stiff is the effect's own number
+    assert free_levels(model, PLAY + SOFT.knobs) == {"gear_damping"}
+    sprung = JointModel(read_model(robot()), robot(), model.observed, sprung=True)
+    assert free_levels(sprung, Hypothesis()) == GEAR_LEVELS
+    softest = bounds(sprung, Hypothesis())[0][
+        [n.name for n in sprung.nuisances].index("gear_stiffness")
+    ]
+    assert softest == 0.0  # softer than the file says is a finding
+
+
+@pytest.mark.parametrize("times", [0.2, 1.0, 5.0])
+def test_play_is_found_whatever_the_damping_of_the_gear(times):
+    """In a gear damped otherwise than its file says, teeth bounce otherwise: width was lost."""
+    truth = {"backlash": {"width_rad": 0.03}, "gear_spring": {"damping_scale": times}}
+    model = model_of(logs(truth, motions=("slow", "steps"), sprung=True))
+    start = np.append(np.zeros(len(model.nuisances)), 1.0)
+    found = fit(model, PLAY, start)
+    assert PLAY.knobs[0].value(found.z[-1]) == pytest.approx(0.03, rel=0.15)

@@ -24,6 +24,7 @@ from bench.diagnosis.settling import (
     _denied,
     _little,
     _objected,
+    _parts,
     _unsure,
     explained,
 )
@@ -263,11 +264,24 @@ def test_what_explains_far_less_than_a_name_taken_back_is_not_named():
 @pytest.mark.parametrize(("ratio", "unsure"), [(0.0, True), (0.3, False)])
 def test_a_size_that_may_as_well_be_nothing_is_no_name(ratio, unsure):
     model, found = fitted("load_friction", {"ratio": ratio}, [0.05])
-    denied = _unsure(model, found, [gain_of("load_friction", found)], {})
+    parts = _parts(model, found, [gain_of("load_friction", found)], print)
+    denied = _unsure(model, found, parts, {})
     assert (denied is not None) is unsure
     if denied is not None:
         assert denied.because == NOTHING
         assert not denied.again
+
+
+@pytest.mark.parametrize(("ratio", "nothing"), [(0.0, True), (0.3, False)])
+def test_an_interval_that_holds_nothing_is_no_name_however_much_is_gained(
+    ratio, nothing, monkeypatch
+):
+    monkeypatch.setattr("bench.diagnosis.settling.SURE", 0.0)
+    model, found = fitted("load_friction", {"ratio": ratio}, [0.05])
+    parts = _parts(model, found, [gain_of("load_friction", found)], print)
+    denied = _unsure(model, found, parts, {})
+    assert (denied is not None) is nothing
+    assert denied is None or denied.because == NOTHING
 
 
 @pytest.mark.parametrize(
@@ -279,7 +293,8 @@ def test_a_name_that_spoils_other_recordings_is_taken_back(there, spoilt, harmfu
     model, found = fitted("load_friction", {"ratio": 0.3}, [3.0])
     judge = model_of(logs({"load_friction": {"ratio": there}}))
     floors = {Kind.POSITION: 0.002}
-    denied = _denied(model, judge, found, [gain_of("load_friction", found)], floors, print)
+    parts = _parts(model, found, [gain_of("load_friction", found)], print)
+    denied = _denied(model, judge, found, parts, floors)
     assert (denied is not None) is harmful
     assert denied is None or denied.because == HARMFUL
 
@@ -299,7 +314,8 @@ def test_a_name_that_explains_little_is_taken_back_only_where_much_is_left():
     after = fit(model, hypothesis, np.append(before.z, 0.5))
     gain = gain_of("load_friction", after)
     floor = model.observed[0].position.quantum / np.sqrt(12.0)
-    denied = _little(model, model, before, after, [gain], floor)
+    parts = _parts(model, after, [gain], print)
+    denied = _little(model, model, before, after, parts, floor)
     assert denied.because == BESIDE
-    assert _little(model, model, before, after, [gain], 1.0) is None
+    assert _little(model, model, before, after, parts, 1.0) is None
     assert _little(model, model, before, after, [], floor) is None

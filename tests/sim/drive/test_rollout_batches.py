@@ -409,6 +409,15 @@ def test_the_start_is_what_the_sensor_read() -> None:
         assert position(out)[0] == pytest.approx(0.3, abs=1e-12)
 
 
+@pytest.mark.parametrize("periods", [1.0, 3.0])
+def test_the_start_is_what_a_sensor_that_is_not_linear_read(periods: float) -> None:
+    drive = plain_drive(
+        wave_rad=0.2, wave_periods=periods, wave_phase_rad=0.4, zero_offset_rad=0.05
+    )
+    out = run(candidate(drive), replay(position_rad=0.3, duration_s=0.1))
+    assert position(out)[0] == pytest.approx(0.3, abs=1e-6)
+
+
 def test_a_start_offset_moves_the_first_angle() -> None:
     out = run(candidate(start_offset_rad=0.02), replay(position_rad=0.3, duration_s=0.1))
     assert position(out)[0] == pytest.approx(0.32, abs=1e-12)
