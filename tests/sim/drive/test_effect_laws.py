@@ -26,6 +26,7 @@ from one_joint_rigs import (
     rig,
     run,
 )
+from scipy.optimize import brentq
 
 from sim.drive import kernel
 from sim.drive.parameters import DriveParameters, Friction
@@ -447,7 +448,8 @@ def test_encoder_nonlinearity(periods: float) -> None:
     values = {"amplitude_rad": size, "periods": periods, "phase_rad": phase}
     told = replay(velocity_rad_s=1.0, duration_s=2.0)
     seen = position(run(having("encoder_nonlinearity", level(), **values), told))
-    true = position(run(having("encoder_nonlinearity", level()), told))
+    begun = brentq(lambda shaft: shaft + size * np.sin(periods * shaft + phase), -0.1, 0.1)
+    true = position(run(having("encoder_nonlinearity", level()), replace(told, position_rad=begun)))
     assert seen == pytest.approx(true + size * np.sin(periods * true + phase), abs=1e-6)
 
 

@@ -26,6 +26,7 @@ MOVES: Mapping[str, set[str]] = {
     # gear, friction, motor: the controller follows only by what it sees
     "backlash": {P, D},
     "joint_compliance": {P, D},
+    "gear_spring": set(),  # a rigid gear stays rigid
     "rotor_inertia": {P, D},
     "viscous_friction": {P, D},
     "coulomb_friction": {P, D},
