@@ -89,6 +89,8 @@ def _drive(sheet: Sheet) -> dict[str, Any]:
         "motor_inertia_kg_m2": _said(sheet.rotor_inertia_kg_m2, "assumed"),
         "coulomb_nm": _said(sheet.coulomb_nm, "assumed, as published fits"),
         "viscous_nm_s_rad": _said(sheet.viscous_nm_s_rad, "assumed, as published fits"),
+        "gear_stiffness_nm_rad": _said(sheet.gear_stiffness_nm_rad, "assumed"),
+        "gear_damping_nm_s_rad": _said(sheet.gear_damping_nm_s_rad, "assumed"),
         "backlash_rad": _said(0.0, "off"),
         "sensor_step_rad": _said(sheet.step_rad, "control table"),
         "ambient_c": _said(25.0, "assumed"),

@@ -31,7 +31,7 @@ from .sizing import (
     rms,
     size_for,
 )
-from .specimen import Specimen
+from .specimen import Build, Specimen
 from .unlisted import STRANGERS
 
 T = TypeVar("T")
@@ -77,6 +77,7 @@ CHOICES = (0.0, 0.5, 1.0)
 BY_CATALOGUE = (Concealment.RARE, Concealment.MIMICKED)
 #: it is there or not: its trace has no small sizes
 ABRUPT = "overload_shutdown"
+SPRINGY = "joint_compliance"
 FAR = 2.0  #: a trace that jumps past the ratio asked for by more than this is another case
 #: share of the ratio asked for that an effect must have in the recordings to fit, as the case
 #: truly is: a gain that masks may keep a duty below the limit that is hidden
@@ -150,7 +151,7 @@ class Case:
 
     def truth(self, plan: ExperimentPlan) -> tuple[Specimen, list[tuple[Hidden, Truth]]]:
         """The hidden specimen under a plan, and what is true of every effect in it."""
-        specimen = self.ground.rig.specimen(plan.payload_kg)
+        specimen = self.ground.specimen(plan.payload_kg)
         if plan.payload_at_m is not None:
             specimen = specimen.but(payload_at_m=plan.payload_at_m)
         specimen = self.nuisances.on(specimen)
@@ -222,7 +223,6 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
     style = _named("style", STYLES, asked.style or _any(random, list(STYLES), [0.6, 0.2, 0.2]))
     programmes = {p.name: p for p in rig.programmes()}
     programme = _named("programme", programmes, asked.programme or _any(random, list(programmes)))
-    where = Ground(rig, programme, style)
     if asked.concealment:
         concealment = Concealment(asked.concealment)
     elif kind is Kind.NULL:
@@ -236,6 +236,7 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
         if kind is Kind.STRANGER and concealment in BY_CATALOGUE:
             concealment = Concealment.PLAIN
     names = _names(asked, kind, concealment, random)
+    where = Ground(rig, programme, style, _build(names, random))
     hidden: list[Hidden] = []
     for name in names:
         found = _hide(where, name, asked, concealment, random)
@@ -275,6 +276,12 @@ def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Ca
         rival=rival,
     )
     return case if _is_there(case) else None
+
+
+def _build(names: list[str], random: np.random.Generator) -> Build:
+    """One way or the other, as likely; a gear is more springy than its file says only if sprung."""
+    sprung, presliding = (random.random(2) < 0.5).tolist()
+    return Build(sprung or SPRINGY in names, presliding)
 
 
 def _is_there(case: Case) -> bool:

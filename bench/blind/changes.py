@@ -48,19 +48,21 @@ def backlash(s: Specimen, p: float, how: Setting) -> tuple[Specimen, Truth]:
 
 
 def joint_compliance(s: Specimen, p: float, how: Setting) -> tuple[Specimen, Truth]:
-    """A springy gear between rotor and output; the size is its compliance [rad/(N m)]."""
+    """A gear more springy than it is built; the size is the compliance beyond [rad/(N m)]."""
+    built = s.gear.stiffness_nm_rad or math.inf
     if p == 0.0:
-        return s, {"stiffness_nm_rad": Quantity(math.inf, "N m/rad", math.inf)}
-    stiffness = 1.0 / p
+        return s, {"stiffness_nm_rad": Quantity(built, "N m/rad", built)}
+    stiffness = 1.0 / (1.0 / built + p)
     inertia = s.arm.mass_kg * sum(x * x for x in s.arm.com_m) + s.arm.inertia_kg_m2[1]
     inertia += s.payload_kg * s.payload_at_m**2
     ratio = 0.03 + 0.07 * how.choice
     damping = 2.0 * ratio * math.sqrt(stiffness * inertia)
     truth = {
-        "stiffness_nm_rad": Quantity(stiffness, "N m/rad", math.inf),
+        "stiffness_nm_rad": Quantity(stiffness, "N m/rad", built),
         "damping_nm_s_rad": Quantity(damping, "N m s/rad", 0.0),
     }
-    return s.gear_but(stiffness_nm_rad=stiffness, damping_nm_s_rad=damping), truth
+    more = s.gear.damping_nm_s_rad + damping
+    return s.gear_but(stiffness_nm_rad=stiffness, damping_nm_s_rad=more), truth
 
 
 def rotor_inertia(s: Specimen, p: float, how: Setting) -> tuple[Specimen, Truth]:
@@ -219,8 +221,12 @@ def read_skew(s: Specimen, p: float, how: Setting) -> tuple[Specimen, Truth]:
 
 
 def load_refresh(s: Specimen, p: float, how: Setting) -> tuple[Specimen, Truth]:
-    """A load register that is renewed more seldom than believed: plainly so, if at all."""
-    period = s.sensing.hold_s * (1.0 + PLAINLY if p else 1.0) + p
+    """A load register that is renewed more seldom than believed: plainly so, if at all.
+
+    One that is believed to show every value is renewed at the firmware's ticks.
+    """
+    renewed_s = max(s.sensing.hold_s, s.tick_s)
+    period = renewed_s * (1.0 + PLAINLY) + p if p else s.sensing.hold_s
     truth = {"period_s": Quantity(period, "s", s.sheet.load_refresh_s)}
     return s.sensing_but(hold_s=period), truth
 

@@ -121,6 +121,7 @@ class JointDraft:
             "rig": where.rig.name,
             "programme": where.programme.name,
             "style": where.style.name,
+            "build": dataclasses.asdict(where.build),
             "effects": effects,
             "ordinary": told[:masks],
             "nuisances": case.nuisances.document(),

@@ -87,27 +87,26 @@ class Shown:
     roles: Mapping[str, Floats]  #: SI, before rounding
     counts: Mapping[str, Ints]
     truth_rad: Floats  #: the position register without rounding, noise and outliers
+    taken_s: Floats  #: the ticks at which these were measured
     lost: NDArray[np.bool_]  #: (loops, reads)
 
 
 def show(
     specimen: Specimen, trace: Trace, timing: Schedule, line: Line, random: np.random.Generator
 ) -> Shown:
-    """Sample a trace as the bus does."""
+    """Sample a trace as the bus does: registers change at the firmware's ticks."""
     roles: dict[str, Floats] = {}
     counts: dict[str, Ints] = {}
-    truth = np.empty(0)
+    truth = taken = np.empty(0)
     for column, role in enumerate(timing.style.reads):
         at = timing.sample_s[:, column]
         register = specimen.sheet.table[specimen.sheet.roles[role]]
         value = _value(role, specimen, trace, at)
-        if role == "position":
-            truth = value
-            value = value + specimen.sensing.noise_steps * register.si_scale * random.normal(
-                size=len(at)
-            )
         count = np.round(value / register.si_scale).astype(np.int64) + register.zero
         if role == "position":
+            tick = trace.last(at - specimen.sensing.late_s)
+            truth, taken = value, trace.t_s[tick]
+            count = trace.count[tick].astype(np.int64) + register.zero
             struck = random.random(len(at)) < specimen.sensing.outlier_rate
             bit = random.integers(4, 9, len(at))
             count = np.where(struck, count ^ (1 << bit), count)
@@ -115,28 +114,34 @@ def show(
         roles[role] = value
         counts[role] = np.clip(count, *_bounds(register))
     lost = random.random(timing.sample_s.shape) < line.lost_rate
-    return Shown(roles, counts, truth, lost)
+    return Shown(roles, counts, truth, taken, lost)
 
 
 def _value(role: str, specimen: Specimen, trace: Trace, at: Floats) -> Floats:
     sensing = specimen.sensing
     if role == "position":
-        return np.interp(at - sensing.late_s, trace.t_s, trace.sensed_rad)
+        return trace.sensed_rad[trace.last(at - sensing.late_s)]
+    if role == "duty":
+        return trace.duty[trace.last(held(at, sensing.hold_s, sensing.hold_phase_s))]
+    if role == "voltage":
+        at = held(at, sensing.voltage_hold_s, sensing.hold_phase_s)
+    at = trace.t_s[trace.last(at)]
     if role == "velocity":
         before = np.interp(at - VELOCITY_WINDOW_S, trace.t_s, trace.sensed_rad)
         return (np.interp(at, trace.t_s, trace.sensed_rad) - before) / VELOCITY_WINDOW_S
-    if role == "duty":
-        if sensing.hold_s > 0.0:
-            turn = np.floor((at - sensing.hold_phase_s) / sensing.hold_s)
-            at = turn * sensing.hold_s + sensing.hold_phase_s
-        last = np.searchsorted(trace.t_s, at, side="right") - 1
-        return trace.duty[np.maximum(last, 0)]
     if role == "voltage":
         half = 0.5 * RAIL_LAG_S
         rail = np.interp([at - RAIL_LAG_S, at - half, at], trace.t_s, trace.rail_v).mean(axis=0)
         lagged: Floats = rail + sensing.voltage_offset_v
         return lagged
     return np.interp(at, trace.t_s, trace.temperature_c)
+
+
+def held(at_s: Floats, period_s: float, phase_s: float) -> Floats:
+    """When what is shown at an instant was renewed; at once, if no period is given."""
+    if period_s <= 0.0:
+        return at_s
+    return np.floor((at_s - phase_s) / period_s) * period_s + phase_s
 
 
 def _bounds(register: Register) -> tuple[int, int]:

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-#: the firmware's control period [s]: control interrupt of 1 ms, as published for AX-12
+#: the firmware's control period [s]: control interrupt of 1 ms, as published for AX-12; that of a
+#: rig may be another one
 TICK_S = 1e-3
 
 
@@ -47,10 +48,12 @@ class Instant:
         "sensed_rad",
         "skip_control",
         "t_s",
+        "tick_s",
         "velocity_rad_s",
     )
 
     t_s: float
+    tick_s: float  #: the firmware's period
     position_rad: float  #: output shaft
     velocity_rad_s: float
     motor_velocity_rad_s: float  #: rotor, referred to the output
@@ -73,6 +76,7 @@ class Instant:
         for name in self.__slots__:
             setattr(self, name, 0.0)
         self.skip_control = False
+        self.tick_s = TICK_S
 
 
 Act = Callable[[Instant], None]

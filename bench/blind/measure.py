@@ -26,8 +26,9 @@ class Measured:
     """A recording with what is true of it.
 
     ``truth``: columns ``recording``, ``row`` (of the event table, from 0), ``servo_id``,
-    ``t_true_s`` (instant of the sample in the recording's time) and ``position_rad`` (of the servo:
-    the register's value without rounding, noise and outliers), a row for every read of a position.
+    ``t_true_s`` (the tick at which it was measured, in the recording's time) and ``position_rad``
+    (of the servo: the register's value without rounding, noise and outliers), a row for every read
+    of a position.
     """
 
     recording: Recording
@@ -49,7 +50,7 @@ def record(case: Case, plan: ExperimentPlan, name: str, group: str, late: float)
     timing = schedule(style, plan.motion.duration_s, line, random)
     start = float(plan.motion.goal_rad(0.0)) + passing.start_off_rad
     orders = commands(plan, sheet, timing, start)
-    trace = roll(specimen, orders)
+    trace = roll(specimen, orders, random)
     shown = show(specimen, trace, timing, line, random)
     table = event_table(SERVO_ID, sheet, timing, orders.goal_rad, orders.torque_off_s, shown, line)
     document = metadata(case.ground.rig, plan, name, group)
@@ -64,7 +65,7 @@ def record(case: Case, plan: ExperimentPlan, name: str, group: str, late: float)
             "recording": pa.array([name] * len(rows)).dictionary_encode(),
             "row": rows.astype(np.int64),
             "servo_id": np.full(len(rows), SERVO_ID, dtype=np.int16),
-            "t_true_s": timing.sample_s[:, style.reads.index("position")] * clock + table.shift_s,
+            "t_true_s": shown.taken_s * clock + table.shift_s,
             "position_rad": shown.truth_rad,
         }
     )

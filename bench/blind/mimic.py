@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from .changes import Setting
-from .sizing import Size, change, effect_named, rms, size_for
+from .sizing import Key, Size, change, effect_named, rms, size_for
 
 ALIKE = 0.6  #: a rival whose trace differs by less than this share of the effect's is a mimic
 
@@ -25,7 +25,7 @@ class Rival:
 
 
 @lru_cache(maxsize=1024)
-def nearest_rival(key: tuple[str, str, str], name: str, at: Size, how: Setting) -> Rival | None:
+def nearest_rival(key: Key, name: str, at: Size, how: Setting) -> Rival | None:
     """The rival of an effect that comes nearest to its trace, each as large as the effect."""
     true = change(key, name, at.size, how)
     best: Rival | None = None

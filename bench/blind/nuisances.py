@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .host import Line
+from .instant import TICK_S
 from .specimen import Numerics, Specimen
 
 DEGREE = math.radians(1.0)
@@ -30,6 +31,10 @@ TOLERANCES: Mapping[str, float] = MappingProxyType(
         "tilt_y_rad": DEGREE,
     }
 )
+#: of the firmware's control loop [s]; assumed about the 1 ms that is published for AX-12
+TICKS_S = (0.5e-3, 1.5e-3)
+#: between two measurements of the voltage [s]; assumed: one ADC measures other things as well
+VOLTAGE_HOLD_S = (1e-3, 16e-3)
 DROOP_1_S = 0.001  #: a battery falls by up to so much of the rated voltage in a second
 
 
@@ -52,6 +57,8 @@ class Nuisances:
     ambient_c: float = 25.0
     voltage_offset_v: float = 0.0
     hold_phase_s: float = 0.0
+    voltage_hold_s: float = 0.0
+    tick_s: float = TICK_S
     latency_s: float = 0.1e-3
     jitter: float = 0.0
     hiccup_rate: float = 0.0
@@ -96,11 +103,13 @@ class Nuisances:
             tilt_x_rad=self.tilt_x_rad,
             tilt_y_rad=self.tilt_y_rad,
             ambient_c=self.ambient_c,
+            tick_s=self.tick_s,
             sensing=dataclasses.replace(
                 specimen.sensing,
                 zero_rad=specimen.sensing.zero_rad + self.zero_rad,
                 voltage_offset_v=self.voltage_offset_v,
                 hold_phase_s=self.hold_phase_s,
+                voltage_hold_s=self.voltage_hold_s,
             ),
             numerics=Numerics(self.substeps, self.integrator, self.solver),
         )
@@ -129,6 +138,8 @@ def draw_nuisances(random: np.random.Generator, rated_voltage_v: float) -> Nuisa
         ambient_c=random.uniform(20.0, 28.0),
         voltage_offset_v=0.05 * random.uniform(-1.0, 1.0),
         hold_phase_s=0.13 * random.random(),
+        voltage_hold_s=random.uniform(*VOLTAGE_HOLD_S),
+        tick_s=random.uniform(*TICKS_S),
         latency_s=random.uniform(0.05e-3, 0.3e-3),
         jitter=random.uniform(0.005, 0.03),
         hiccup_rate=random.uniform(0.0, 0.01),
@@ -144,7 +155,7 @@ def bounds(rated_voltage_v: float) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of every nuisance that moves a joint; all between is as likely.
 
     Left out are those that change nothing but what other registers show, how finely an engine
-    counts, and when samples are taken (together less than 0.2 ms).
+    counts, and when goals and samples are taken: a tick of the firmware, and less than 0.2 ms.
     """
     none = Nuisances()
     found = {
@@ -161,12 +172,14 @@ class Passing:
     friction_factor: float = 1.0
     start_off_rad: float = 0.0
     supply_factor: float = 1.0
+    tick_phase: float = 0.0
 
     def on(self, specimen: Specimen) -> Specimen:
         """A case's specimen as it is in one recording."""
         return specimen.but(
             coulomb_nm=specimen.coulomb_nm * self.friction_factor,
             supply_v=specimen.supply_v * self.supply_factor,
+            tick_phase=self.tick_phase,
         )
 
 
@@ -176,4 +189,5 @@ def draw_passing(random: np.random.Generator, late: float) -> Passing:
         friction_factor=1.0 + 0.03 * random.uniform(-1.0, 1.0),
         start_off_rad=0.02 * random.uniform(-1.0, 1.0),
         supply_factor=1.0 - 0.01 * late,
+        tick_phase=random.random(),
     )

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from .instant import TICK_S, Act, Instant, Stage
+from .instant import Act, Instant, Stage
 
 COPPER_PER_K = 0.0039
 #: capacitor on a servo's rail; assumed
@@ -65,10 +65,10 @@ class Stribeck:
     def start(self, warm_s: float) -> Act:
         """See :class:`~bench.blind.instant.Part`."""
         film = 0.0
-        share = 1.0 - math.exp(-TICK_S / FILM_S)
 
         def act(now: Instant) -> None:
             nonlocal film
+            share = 1.0 - math.exp(-now.tick_s / FILM_S)
             film += share * (abs(now.motor_velocity_rad_s) / self.velocity_rad_s - film)
             now.friction_nm += self.torque_nm * math.exp(-film * film)
 
@@ -140,7 +140,7 @@ class Integral:
 
         def act(now: Instant) -> None:
             nonlocal summed
-            summed += self.gain_per_rad_s * now.error_rad * TICK_S
+            summed += self.gain_per_rad_s * now.error_rad * now.tick_s
             summed = min(max(summed, -1.0), 1.0)
             now.duty += summed
 
@@ -157,11 +157,10 @@ class SpeedLimit:
     def start(self, warm_s: float) -> Act:
         """See :class:`~bench.blind.instant.Part`."""
         at: float | None = None
-        step = self.limit_rad_s * TICK_S
 
         def act(now: Instant) -> None:
             nonlocal at
-            goal = now.goal_rad
+            goal, step = now.goal_rad, self.limit_rad_s * now.tick_s
             at = goal if at is None else at + min(max(goal - at, -step), step)
             now.goal_rad = at
 
@@ -195,11 +194,10 @@ class Sag:
     def start(self, warm_s: float) -> Act:
         """See :class:`~bench.blind.instant.Part`."""
         rail: float | None = None
-        share = TICK_S / RAIL_F
 
         def act(now: Instant) -> None:
             nonlocal rail
-            source_v = now.rail_v
+            source_v, share = now.rail_v, now.tick_s / RAIL_F
             if rail is None:
                 rail = source_v
             # implicit Euler of C dV/dt = (V0 - V)/Rs - d I,  I = (d V - ke w)/R
@@ -227,10 +225,10 @@ class Heat:
     def start(self, warm_s: float) -> Act:
         """See :class:`~bench.blind.instant.Part`."""
         rise: float | None = None
-        share = 1.0 - math.exp(-TICK_S / self.time_constant_s)
 
         def act(now: Instant) -> None:
             nonlocal rise
+            share = 1.0 - math.exp(-now.tick_s / self.time_constant_s)
             if rise is None:
                 watts = (HARD_DUTY * self.rated_voltage_v) ** 2 / now.resistance_ohm
                 reached = 1.0 - math.exp(-warm_s / self.time_constant_s)
@@ -261,7 +259,7 @@ class Overload:
             nonlocal since_s, tripped
             if now.t_s < 0.0:
                 return
-            since_s = since_s + TICK_S if abs(now.duty) >= self.duty else 0.0
+            since_s = since_s + now.tick_s if abs(now.duty) >= self.duty else 0.0
             tripped = tripped or since_s >= self.overload_s
             if tripped:
                 now.duty_limit = 0.0

@@ -1,9 +1,10 @@
 """The hidden world of one joint on MuJoCo: bodies, gear, dry friction, and the servo around them.
 
-The rotor's dry friction is MuJoCo's own friction constraint, its back-EMF an implicit damping.
-Play is a second hinge that is free within its limits, gear compliance a hinge with a spring: both
-lie between the rotor and the output shaft, where the sensor sits. The firmware runs at its own
-period, the engine in substeps of it.
+The rotor's dry friction is MuJoCo's own friction constraint, or bristles that bend before they
+slip; its back-EMF is an implicit damping. Play is a second hinge that is free within its limits,
+gear compliance a hinge with a spring: both lie between the rotor and the output shaft, where the
+sensor sits. The firmware runs at its own period, the engine in substeps of it. At every tick it
+measures the angle, in counts and with noise, and takes the goal that is there.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .bristles import Bristles
 from .instant import TICK_S, Act, GateKind, Instant, Stage
 from .specimen import Body, Specimen
 
@@ -39,6 +41,7 @@ STIFF_RAD = 0.4  #: phase of the fastest spring in one substep
 GEAR_INERTIA_KG_M2 = 1e-5
 EDGE_RAD = 0.03  #: over which a sector of worn teeth begins
 TIGHT_RAD = 1e-5
+ROUNDING = 1e-9
 SPECK_KG, SPECK_KG_M2 = 1e-6, 1e-9  #: the engine wants every moving body to have some mass
 
 
@@ -61,25 +64,37 @@ class Trace:
 
     t_s: Floats
     position_rad: Floats
-    sensed_rad: Floats  #: what the sensor says, before rounding
+    sensed_rad: Floats  #: what the sensor says, before rounding and noise
+    count: Floats  #: what the firmware measured, in steps of the sensor
     velocity_rad_s: Floats
     duty: Floats
     rail_v: Floats
     current_a: Floats
     temperature_c: Floats
 
+    def last(self, at_s: Floats) -> NDArray[np.intp]:
+        """The last tick at or before each instant; the first one before all."""
+        return np.maximum(np.searchsorted(self.t_s, at_s, side="right") - 1, 0)
 
-def roll(specimen: Specimen, commands: Commands) -> Trace:
-    """Run a specimen through commands, from ``SETTLE_S`` before 0 on."""
-    return _Rollout(specimen, commands).run()
+
+def roll(
+    specimen: Specimen, commands: Commands, random: np.random.Generator | None = None
+) -> Trace:
+    """Run a specimen through commands, from ``SETTLE_S`` before 0 on.
+
+    ``random`` is for the noise of what the firmware measures; there is none without it.
+    """
+    return _Rollout(specimen, commands, random).run()
 
 
 class _Rollout:
-    def __init__(self, specimen: Specimen, commands: Commands) -> None:
-        self.specimen, self.commands = specimen, commands
+    def __init__(
+        self, specimen: Specimen, commands: Commands, random: np.random.Generator | None
+    ) -> None:
+        self.specimen, self.commands, self.random = specimen, commands, random
         self.model = model = mujoco.MjModel.from_xml_string(_document(specimen))
         self.data = mujoco.MjData(model)
-        self.substeps = round(TICK_S / model.opt.timestep)
+        self.substeps = round(specimen.tick_s / model.opt.timestep)
         names = [model.joint(j).name for j in range(model.njnt)]
         self.inside = [j for j, name in enumerate(names) if name in ("shaft", "twist", "play")]
         self.play = names.index("play") if "play" in names else -1
@@ -94,12 +109,15 @@ class _Rollout:
         values: list[float] = commands.goal_rad[np.maximum(index, 0)].tolist()
         return values
 
-    def run(self) -> Trace:  # noqa: PLR0915  one tick, in its order, with no calls to spare
+    def run(self) -> Trace:  # noqa: PLR0912, PLR0915  one tick, in its order, with no calls to spare
         specimen, commands = self.specimen, self.commands
         model, data, substeps = self.model, self.data, self.substeps
-        first, last = -round(SETTLE_S / TICK_S), math.ceil(commands.end_s / TICK_S)
-        t_s: Floats = np.arange(first, last + 1, dtype=np.float64) * TICK_S
+        tick_s = specimen.tick_s
+        first, last = -round(SETTLE_S / tick_s), math.ceil(commands.end_s / tick_s)
+        ticks = np.arange(first, last + 1, dtype=np.float64)
+        t_s: Floats = (ticks + specimen.tick_phase) * tick_s
         goals = self.goals(t_s)
+        noise = self.noise(len(t_s))
         law = specimen.sheet.law(commands.registers)
         gain = law.gain_per_rad * specimen.gain_factor
         margin, punch = law.margin_rad + specimen.margin_rad, law.punch + specimen.punch
@@ -113,6 +131,12 @@ class _Rollout:
             self.stages[stage] for stage in Stage
         )
         now = Instant()
+        now.tick_s = tick_s
+        bristles = None
+        if specimen.bristle_nm_rad > 0.0:
+            step_s = float(model.opt.timestep)
+            bristles = Bristles(specimen.bristle_nm_rad, specimen.armature_kg_m2, step_s)
+            dry[0] = 0.0
         start = goals[0] if commands.start_rad is None else commands.start_rad
         qpos[0] = start + specimen.sensing.zero_rad
         off_tick = commands.torque_off_s
@@ -120,7 +144,7 @@ class _Rollout:
         duty = 0.0
         log: list[tuple[float, ...]] = []
         resistance = specimen.resistance_ohm
-        for t, goal in zip(t_s.tolist(), goals, strict=True):
+        for t, goal, off in zip(t_s.tolist(), goals, noise, strict=True):
             q0, v0 = qpos.item(0), qvel.item(0)
             q, v = q0, v0
             if two:
@@ -133,7 +157,8 @@ class _Rollout:
             for act in goal_acts:
                 act(now)
             shown = sense(q)
-            now.sensed_rad = round(shown / step_rad) * step_rad
+            count = round(shown / step_rad + off)
+            now.sensed_rad = count * step_rad
             on = t < off_tick
             # position law
             now.skip_control = False
@@ -172,15 +197,30 @@ class _Rollout:
             now.friction_nm = specimen.coulomb_nm
             for act in friction_acts:
                 act(now)
-            dry[0] = max(now.friction_nm, 1e-6)
             for j in inside:
                 applied[j] = now.load_nm
             applied[0] = now.load_nm + drive
             if self.play >= 0 and specimen.gear.play_gate.kind is not GateKind.ALWAYS:
                 self.set_play(q)
-            log.append((q, shown, v, duty, now.rail_v, now.current_a))
-            mj_step(model, data, substeps)
+            log.append((q, shown, count, v, duty, now.rail_v, now.current_a))
+            if bristles is None:
+                dry[0] = max(now.friction_nm, 1e-6)
+                mj_step(model, data, substeps)
+                continue
+            for _ in range(substeps):
+                held = bristles.torque(qvel.item(0), now.friction_nm)
+                applied[0] = now.load_nm + drive + held
+                mj_step(model, data)
         return self.trace(t_s, log)
+
+    def noise(self, ticks: int) -> list[float]:
+        """Of what the firmware measures at every tick, in counts."""
+        if self.random is None:
+            return [0.0] * ticks
+        values: list[float] = self.random.normal(
+            scale=self.specimen.sensing.noise_steps, size=ticks
+        ).tolist()
+        return values
 
     def set_play(self, position_rad: float) -> None:
         gear = self.specimen.gear
@@ -190,15 +230,16 @@ class _Rollout:
         self.model.jnt_range[self.play] = (-half, half)
 
     def trace(self, t_s: Floats, log: list[tuple[float, ...]]) -> Trace:
-        q, shown, v, duty, rail, current = np.array(log).T
+        q, shown, count, v, duty, rail, current = np.array(log).T
         if not np.isfinite(q).all() or self.data.warning.number[_UNSTABLE].any():
             raise ArithmeticError(f"the engine became unstable: {self.specimen}")
         specimen = self.specimen
         heat_w = specimen.resistance_ohm * current**2
         # The board's sensor: a slow first order of the copper losses. 20 K/W and 100 s: assumed.
-        rise = 20.0 / 100.0 * np.cumsum(heat_w) * TICK_S
+        rise = 20.0 / 100.0 * np.cumsum(heat_w) * specimen.tick_s
         warm = 12.0 * (1.0 - math.exp(-self.commands.warm_s / 100.0))
-        return Trace(t_s, q, shown, v, duty, rail, current, specimen.ambient_c + 4.0 + warm + rise)
+        board_c = specimen.ambient_c + 4.0 + warm + rise
+        return Trace(t_s, q, shown, count, v, duty, rail, current, board_c)
 
 
 def _sensor(specimen: Specimen) -> Any:
@@ -225,10 +266,12 @@ def _document_of(
     gear: tuple[float, float, float],
     hung: tuple[float, ...],
     numerics: tuple[int, str, str],
+    tick_s: float,
 ) -> str:
     play, stiffness, gear_damping = gear
     substeps, integrator, solver = numerics
-    step_s = TICK_S / max(substeps, _fine(play, stiffness, armature))
+    substeps = max(substeps, _fine(play, stiffness, armature))  # in TICK_S
+    step_s = tick_s / math.ceil(substeps * tick_s / TICK_S - ROUNDING)
     side, across = GRAVITY_M_S2 * math.sin(tilt[1]), GRAVITY_M_S2 * math.sin(tilt[0])
     along = GRAVITY_M_S2 * math.cos(tilt[0]) * math.cos(tilt[1])
     gravity = (side, -along, -across) if tilt[2] else (side, -across, -along)
@@ -266,7 +309,7 @@ def _document_of(
 
 
 def _fine(play_rad: float, stiffness_nm_rad: float, armature_kg_m2: float) -> int:
-    """Substeps that a gear needs: its spring must not turn by more than STIFF_RAD in one."""
+    """Substeps of TICK_S that a gear needs: its spring turns by no more than STIFF_RAD in one."""
     if play_rad == 0.0 and stiffness_nm_rad == 0.0:
         return 1
     light = min(armature_kg_m2, GEAR_INERTIA_KG_M2 if play_rad > 0.0 else armature_kg_m2)
@@ -319,4 +362,5 @@ def _document(specimen: Specimen) -> str:
         (gear.play_rad, gear.stiffness_nm_rad, gear.damping_nm_s_rad),
         (hung.mass_kg, hung.length_m, hung.at_m, hung.damping_nm_s_rad) if hung else (),
         (numerics.substeps, numerics.integrator, numerics.solver),
+        specimen.tick_s,
     )

@@ -10,7 +10,10 @@ from types import MappingProxyType
 from bench.motions import ExperimentPlan, Motion, motion
 
 from .servos import SHEETS, Sheet, gain_registers
-from .specimen import Body, Specimen
+from .specimen import SIMPLEST, Body, Build, Gear, Specimen
+
+#: at the output shaft, where dry friction at rest breaks away [rad]; assumed
+BREAKAWAY_RAD = 0.3e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +71,13 @@ class Rig:
     reach_rad: float = 1.2  #: motions stay within
     gains: tuple[int, int] = field(default=(0, 0))
 
-    def specimen(self, payload_kg: float | None = None) -> Specimen:
-        """The rig exactly as it is believed to be."""
+    def specimen(self, payload_kg: float | None = None, build: Build = SIMPLEST) -> Specimen:
+        """The rig exactly as it is believed to be, built in one way; else the simplest."""
         sheet = self.sheet
+        spring = Gear(
+            stiffness_nm_rad=sheet.gear_stiffness_nm_rad,
+            damping_nm_s_rad=sheet.gear_damping_nm_s_rad,
+        )
         return Specimen(
             sheet=sheet,
             arm=self.arm,
@@ -83,8 +90,10 @@ class Rig:
             armature_kg_m2=sheet.armature_kg_m2,
             coulomb_nm=sheet.coulomb_nm,
             viscous_nm_s_rad=sheet.viscous_nm_s_rad,
+            bristle_nm_rad=sheet.coulomb_nm / BREAKAWAY_RAD if build.presliding else 0.0,
             heaviest_kg=max(self.payloads_kg),
             upright=self.upright,
+            gear=spring if build.sprung else Gear(),
         ).sensing_but(hold_s=sheet.load_refresh_s)
 
     def programmes(self) -> tuple[Programme, ...]:

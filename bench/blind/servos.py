@@ -33,6 +33,8 @@ class Sheet:
     rotor_inertia_kg_m2: float  #: of the rotor itself, before the gear
     coulomb_nm: float
     viscous_nm_s_rad: float
+    gear_stiffness_nm_rad: float  #: as the robot files of these servos have it; assumed there
+    gear_damping_nm_s_rad: float
     gain_register: str
     gains: tuple[int, ...]  #: raw values an operator tries
     source: str
@@ -130,6 +132,8 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
                 rotor_inertia_kg_m2=1.6e-8,
                 coulomb_nm=0.020,
                 viscous_nm_s_rad=0.0020,
+                gear_stiffness_nm_rad=12.0,
+                gear_damping_nm_s_rad=0.0015,
                 gain_register="position_p_gain",
                 gains=(100, 200, 400, 800),
                 source="e-manual, 103 rpm at 5 V; rotor and friction assumed, as published fits",
@@ -146,6 +150,8 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
                 rotor_inertia_kg_m2=1.0e-7,
                 coulomb_nm=0.06,
                 viscous_nm_s_rad=0.008,
+                gear_stiffness_nm_rad=50.0,
+                gear_damping_nm_s_rad=0.015,
                 gain_register="cw_compliance_slope",
                 gains=(16, 32, 64, 128),
                 source="thesis, servo table; rotor and friction assumed",
@@ -163,6 +169,8 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
                 rotor_inertia_kg_m2=2.0e-8,
                 coulomb_nm=0.025,
                 viscous_nm_s_rad=0.0015,
+                gear_stiffness_nm_rad=12.0,
+                gear_damping_nm_s_rad=0.0015,
                 gain_register="p_gain",
                 gains=(8, 16, 32, 64),
                 source="thesis, servo table; Coulomb as published fits, rotor assumed",
@@ -180,6 +188,8 @@ SHEETS: Mapping[str, Sheet] = MappingProxyType(
                 rotor_inertia_kg_m2=3.0e-7,
                 coulomb_nm=0.12,
                 viscous_nm_s_rad=0.03,
+                gear_stiffness_nm_rad=100.0,
+                gear_damping_nm_s_rad=0.1,
                 gain_register="p_gain",
                 gains=(4, 8, 16, 32),
                 source="e-manual, 63 rpm and 6.0 N m at 12 V; rotor and friction assumed",

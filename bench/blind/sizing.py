@@ -1,10 +1,12 @@
 """Sizes in units of the detection floor, measured on the generator's own rollouts.
 
 The noise floor of a rig's programme is the position's quantisation (a step over the square root of
-12), the sensor's noise and the spread of repeats, added as squares. An effect's *ratio* is the RMS
-change of the register's trace over the whole programme, on the rig as it is believed to be, divided
-by that floor; at ratio 1 it is at the detection floor. Thresholds make the trace jump: the smallest
-size that reaches a ratio is taken, and the ratio that it truly has is kept.
+12), the sensor's noise and the spread of repeats (of friction, start and supply: in what phase the
+firmware's ticks are is not in it), added as squares. An effect's *ratio* is the RMS
+change of the register's trace over the whole programme, on the rig as it is believed to be and as
+its servo is built, divided by that floor; at ratio 1 it is at the detection floor. Thresholds make
+the trace jump: the smallest size that reaches a ratio is taken, and the ratio that it truly has is
+kept.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +26,7 @@ from .host import Line, commands, schedule, show
 from .nuisances import Nuisances, draw_passing
 from .pendulum import roll
 from .rigs import RIGS, STYLES, Programme, Rig, Run, Style
-from .specimen import Specimen
+from .specimen import SIMPLEST, Build, Specimen
 from .unlisted import STRANGERS
 
 Floats = NDArray[np.float64]
@@ -45,34 +48,47 @@ def effect_named(name: str) -> Effect:
     return found
 
 
+class Key(NamedTuple):
+    """Of a ground, by names: results are kept by it."""
+
+    rig: str
+    programme: str
+    style: str
+    build: Build = SIMPLEST
+
+
 @dataclass(frozen=True)
 class Ground:
-    """Where an effect is measured: a rig, what is done with it, and how it is sampled."""
+    """Where an effect is measured: a rig, what is done with it, how it is sampled, and built."""
 
     rig: Rig
     programme: Programme
     style: Style
+    build: Build = SIMPLEST
 
     @property
-    def key(self) -> tuple[str, str, str]:
+    def key(self) -> Key:
         """By which results are kept."""
-        return self.rig.name, self.programme.name, self.style.name
+        return Key(self.rig.name, self.programme.name, self.style.name, self.build)
+
+    def specimen(self, payload_kg: float | None = None) -> Specimen:
+        """The rig as it is believed to be, and as its servo is built."""
+        return self.rig.specimen(payload_kg, self.build)
 
 
-def ground(key: tuple[str, str, str]) -> Ground:
+def ground(key: Key) -> Ground:
     """The ground of a key."""
-    rig = RIGS[key[0]]
-    programme = next(p for p in rig.programmes() if p.name == key[1])
-    return Ground(rig, programme, STYLES[key[2]])
+    rig = RIGS[key.rig]
+    programme = next(p for p in rig.programmes() if p.name == key.programme)
+    return Ground(rig, programme, STYLES[key.style], key.build)
 
 
 def observe(style: Style, run: Run, specimen: Specimen, channel: str = POSITION) -> Floats:
     """A register's trace without rounding and noise, under an undisturbed schedule."""
     line = Line(latency_s=0.0)
     timing = schedule(style, run.plan.motion.duration_s, line, np.random.default_rng(0))
-    quiet = specimen.sensing_but(noise_steps=0.0)
-    trace = roll(quiet, commands(run.plan, specimen.sheet, timing))
-    shown = show(quiet, trace, timing, line, np.random.default_rng(1))
+    trace = roll(specimen, commands(run.plan, specimen.sheet, timing))
+    shown = show(specimen, trace, timing, line, np.random.default_rng(1))
     return shown.roles["position" if channel == POSITION else "duty"]
 
 
@@ -90,7 +106,7 @@ def traces(
     for run in where.programme.runs:
         if groups is not None and run.group not in groups:
             continue
-        specimen = nuisances.on(where.rig.specimen(run.plan.payload_kg))
+        specimen = nuisances.on(where.specimen(run.plan.payload_kg))
         if effect is not None:
             specimen, _ = effect.apply(specimen, size, how)
         found.append(observe(where.style, run, specimen, channel))
@@ -103,7 +119,7 @@ def rms(values: Floats) -> float:
 
 
 @cache
-def noise_floor(key: tuple[str, str, str], channel: str = POSITION) -> float:
+def noise_floor(key: Key, channel: str = POSITION) -> float:
     """The noise floor of a register over a programme, in its SI unit."""
     where = ground(key)
     sheet = where.rig.sheet
@@ -111,12 +127,10 @@ def noise_floor(key: tuple[str, str, str], channel: str = POSITION) -> float:
     step = sheet.table[sheet.roles[role]].si_scale
     apart = []
     for run in where.programme.runs:
-        believed = where.rig.specimen(run.plan.payload_kg)
+        believed = where.specimen(run.plan.payload_kg)
+        repeats = [draw_passing(np.random.default_rng(n), n).on(believed) for n in (0, 1)]
         first, second = (
-            observe(
-                where.style, run, draw_passing(np.random.default_rng(n), n).on(believed), channel
-            )
-            for n in (0, 1)
+            observe(where.style, run, one.but(tick_phase=0.0), channel) for one in repeats
         )
         apart.append(first - second)
     spread = rms(np.concatenate(apart)) / math.sqrt(2.0)
@@ -125,18 +139,18 @@ def noise_floor(key: tuple[str, str, str], channel: str = POSITION) -> float:
 
 
 @lru_cache(maxsize=512)
-def _reference(key: tuple[str, str, str], name: str, how: Setting) -> Floats:
+def _reference(key: Key, name: str, how: Setting) -> Floats:
     effect = effect_named(name)
     return traces(ground(key), effect, EDGE if effect.allowance else 0.0, how)
 
 
 @lru_cache(maxsize=4096)
-def ratio(key: tuple[str, str, str], name: str, size: float, how: Setting) -> float:
+def ratio(key: Key, name: str, size: float, how: Setting) -> float:
     """An effect's RMS change over the noise floor."""
     return rms(change(key, name, size, how)) / noise_floor(key, effect_named(name).channel)
 
 
-def change(key: tuple[str, str, str], name: str, size: float, how: Setting) -> Floats:
+def change(key: Key, name: str, size: float, how: Setting) -> Floats:
     """How an effect changes the trace."""
     with np.errstate(all="raise"):
         moved = traces(ground(key), effect_named(name), size, how) - _reference(key, name, how)
@@ -162,7 +176,7 @@ class Size:
 
 
 @cache
-def size_for(key: tuple[str, str, str], name: str, wanted: float, how: Setting) -> Size | None:
+def size_for(key: Key, name: str, wanted: float, how: Setting) -> Size | None:
     """The size at which an effect has a ratio; ``None`` where no plausible size reaches it."""
     effect = effect_named(name)
     low, low_ratio = 0.0, 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from .instant import OPEN, Gate, Part
+from .instant import OPEN, TICK_S, Gate, Part
 from .servos import Sheet
 
 Vector = tuple[float, float, float]
@@ -35,6 +35,17 @@ class Gear:
 
 
 @dataclass(frozen=True, slots=True)
+class Build:
+    """How a servo is built inside, which no data sheet tells: either way is nothing amiss."""
+
+    sprung: bool = False  #: its gear is the spring of the robot file; else it is rigid
+    presliding: bool = False  #: friction at rest gives way elastically; else it holds
+
+
+SIMPLEST = Build()
+
+
+@dataclass(frozen=True, slots=True)
 class Hung:
     """A second pendulum hung on the arm by a loose pin."""
 
@@ -55,8 +66,9 @@ class Sensing:
     hold_s: float = 0.0  #: period at which the duty or load register is renewed
     hold_phase_s: float = 0.0
     outlier_rate: float = 0.0
-    noise_steps: float = 0.25  #: standard deviation of the position in counts; assumed
+    noise_steps: float = 0.25  #: standard deviation of the measured angle in counts; assumed
     voltage_offset_v: float = 0.0
+    voltage_hold_s: float = 0.0  #: period at which the voltage is measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +82,7 @@ class Numerics:
 
 @dataclass(frozen=True)
 class Specimen:
-    """The truth of one joint. The base model is this with ``gear`` rigid and no ``parts``."""
+    """The truth of one joint. The base model is this as it is built, with no ``parts``."""
 
     sheet: Sheet
     arm: Body
@@ -83,6 +95,9 @@ class Specimen:
     armature_kg_m2: float
     coulomb_nm: float
     viscous_nm_s_rad: float
+    bristle_nm_rad: float = 0.0  #: stiffness of dry friction below breakaway; 0: the engine's own
+    tick_s: float = TICK_S  #: at which the firmware takes goals and angles
+    tick_phase: float = 0.0  #: of a tick at 0, as a share
     heaviest_kg: float = 0.0  #: payload that is used on the rig
     upright: bool = False  #: the shaft is vertical: gravity does not turn it
     tilt_x_rad: float = 0.0

@@ -40,10 +40,6 @@ def _over_off(name: str) -> Translate:
     return lambda value, off, sheet: value[name] / off[name]
 
 
-def _inverse(name: str) -> Translate:
-    return lambda value, off, sheet: 1.0 / value[name]
-
-
 def _beyond_off(name: str) -> Translate:
     return lambda value, off, sheet: value[name] - off[name]
 
@@ -83,7 +79,7 @@ TABLE: Mapping[str, Mapping[str, Translate]] = MappingProxyType(
         "gain_error": {"scale": _is("factor")},
         "integral_action": {"gain_per_rad_s": _is("gain_per_rad_s")},
         "joint_compliance": {
-            "compliance_rad_nm": _inverse("stiffness_nm_rad"),
+            "compliance_rad_nm": _more_compliant("stiffness_nm_rad"),
             "damping_nm_s_rad": _is("damping_nm_s_rad"),
         },
         "link_mass": {"scale": _is("factor")},

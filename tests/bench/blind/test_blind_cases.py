@@ -31,7 +31,9 @@ from bench.blind.changes import Setting
 from bench.blind.conceal import disguise
 from bench.blind.effects import EFFECTS, POSITION
 from bench.blind.mimic import ALIKE, nearest_rival
-from bench.blind.sizing import noise_floor, observe, rms, size_for
+from bench.blind.rigs import RIGS
+from bench.blind.sizing import Key, noise_floor, observe, rms, size_for
+from bench.blind.specimen import Build
 from bench.blind.unlisted import STRANGERS
 from bench.motions import ExperimentPlan, motion
 from bench.recording import read
@@ -155,8 +157,11 @@ def test_truth_lies_within_noise_of_what_was_read(folder: Path, key: dict[str, A
         assert np.abs(apart).max() < 2.0 * register.si_scale
         assert float(np.mean(apart**2)) == pytest.approx(oracle["mse_rad2"])
         times = truth.column("t_true_s").to_numpy()[mine]
-        assert np.all(times >= recording.t_s[rows])
+        tick_s = key["nuisances"]["tick_s"]
+        assert np.all(times > recording.t_s[rows] - tick_s)  # measured at the last tick
         assert np.all(times < recording.t_s[rows] + 0.4e-3)
+        ticks = np.diff(times) / tick_s
+        assert ticks == pytest.approx(np.round(ticks), abs=1e-3)
 
 
 def test_rerun_is_on_the_same_specimen(folder: Path) -> None:
@@ -189,6 +194,26 @@ def test_case_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(KeyboardInterrupt):
         write_case(tmp_path / "half", 7, SECRET, WISH)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_servos_are_built_in_all_ways_and_a_gear_is_sprung_where_it_is_too_springy() -> None:
+    wish = {"rig": "xl330-pendulum", "programme": "slow", "style": "slow"}
+    builds = {draw(n, Asked("null", **wish)).ground.build for n in range(20)}  # type: ignore[arg-type]
+    assert builds == {Build(a, b) for a in (False, True) for b in (False, True)}
+    named = ["joint_compliance"]
+    chance = np.random.default_rng(0)
+    assert all(bench.blind.case._build(named, chance).sprung for _ in range(10))
+
+
+def test_robot_file_has_the_gears_spring_however_it_is_built(
+    folder: Path, key: dict[str, Any]
+) -> None:
+    rig = RIGS[key["rig"]]
+    drive = load_robot(folder / "robot.toml").document["drive"][rig.sheet.model]
+    gear = rig.specimen(build=Build(sprung=True)).gear
+    assert drive["gear_stiffness_nm_rad"]["value"] == gear.stiffness_nm_rad > 0.0
+    assert drive["gear_damping_nm_s_rad"]["value"] == gear.damping_nm_s_rad > 0.0
+    assert set(key["build"]) == {"sprung", "presliding"}
 
 
 def test_kinds_have_their_number_of_effects() -> None:
@@ -291,7 +316,7 @@ def test_case_whose_rivals_are_unlike_is_not_called_mimicked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(bench.blind.case, "DRAWS", 2)
-    key = ("xl330-turntable", "fast", "slow")
+    key = Key("xl330-turntable", "fast", "slow")
     at = size_for(key, "backlash", 3.0, Setting())
     assert at is not None
     found = nearest_rival(key, "backlash", at, Setting())

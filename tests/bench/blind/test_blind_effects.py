@@ -14,8 +14,8 @@ from bench.blind.host import Line, commands, schedule
 from bench.blind.instant import Gate, GateKind
 from bench.blind.nuisances import Nuisances
 from bench.blind.pendulum import TICK_S, Trace, roll
-from bench.blind.rigs import RIGS, STYLES, Run
-from bench.blind.specimen import Specimen
+from bench.blind.rigs import BREAKAWAY_RAD, RIGS, STYLES, Run
+from bench.blind.specimen import Build, Specimen
 from bench.blind.unlisted import STRANGERS
 from bench.motions import ExperimentPlan, motion
 
@@ -51,7 +51,7 @@ def test_effect_at_off_is_no_effect_to_the_bit(name: str, base: Trace) -> None:
 @pytest.mark.parametrize("name", ALL)
 def test_effect_at_its_largest_is_more_than_eight_floors(name: str) -> None:
     effect = ALL[name]
-    floor = sizing.noise_floor(("xl330-pendulum", "fast", "fast"), effect.channel)
+    floor = sizing.noise_floor(sizing.Key("xl330-pendulum", "fast", "fast"), effect.channel)
     runs = (RUN, LIFT) if name in ("rotor_inertia", "link_mass", "com_offset") else (RUN,)
     squares = []
     for run in runs:
@@ -64,7 +64,7 @@ def test_effect_at_its_largest_is_more_than_eight_floors(name: str) -> None:
 
 @pytest.mark.parametrize("wanted", [1.0, 8.0])
 def test_size_has_the_ratio_that_was_asked_for(wanted: float) -> None:
-    key = ("xl330-turntable", "fast", "slow")
+    key = sizing.Key("xl330-turntable", "fast", "slow")
     found = sizing.size_for(key, "dead_zone", wanted, Setting())
     assert found is not None
     assert found.ratio == pytest.approx(wanted, rel=sizing.CLOSE)
@@ -80,17 +80,44 @@ def test_size_counts_from_the_nuisances_bound() -> None:
 
 
 def test_noise_floor_is_more_than_the_quantisation() -> None:
-    key = ("xl330-turntable", "fast", "slow")
+    key = sizing.Key("xl330-turntable", "fast", "slow")
     assert sizing.noise_floor(key) > RIGS[key[0]].sheet.step_rad / np.sqrt(12.0)
 
 
+def test_sizes_are_measured_on_the_servo_as_it_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    build = Build(sprung=True, presliding=True)
+    key = sizing.Key("xl330-turntable", "fast", "slow", build)
+    seen = []
+    monkeypatch.setattr(
+        sizing, "observe", lambda _s, _r, specimen, _c: seen.append(specimen) or np.ones(2)
+    )
+    assert sizing.rms(sizing.change(key, "stribeck_friction", 0.031, Setting())) == 0.0
+    sheet = RIGS[key.rig].sheet
+    assert len(seen) == 10
+    assert {one.gear.stiffness_nm_rad for one in seen} == {sheet.gear_stiffness_nm_rad}
+    assert {one.bristle_nm_rad for one in seen} == {sheet.coulomb_nm / BREAKAWAY_RAD}
+    assert sorted(len(one.parts) for one in seen) == [1] * 10  # with a size of 0 without it
+
+
+def test_a_more_springy_gear_counts_from_the_spring_that_is_there() -> None:
+    built = RIGS["xl330-pendulum"].specimen(0.2, Build(sprung=True))
+    stiffness = built.sheet.gear_stiffness_nm_rad
+    same, off = EFFECTS["joint_compliance"].apply(built, 0.0, Setting())
+    assert same == built
+    assert off["stiffness_nm_rad"].value == off["stiffness_nm_rad"].off == stiffness
+    soft, truth = EFFECTS["joint_compliance"].apply(built, 0.05, Setting())
+    assert 1.0 / soft.gear.stiffness_nm_rad == pytest.approx(1.0 / stiffness + 0.05)
+    more = truth["damping_nm_s_rad"].value
+    assert soft.gear.damping_nm_s_rad == pytest.approx(built.gear.damping_nm_s_rad + more)
+
+
 def test_size_that_no_plausible_value_reaches_is_none() -> None:
-    key = ("xl330-turntable", "fast", "slow")
+    key = sizing.Key("xl330-turntable", "fast", "slow")
     assert sizing.size_for(key, "zero_offset", 8.0, Setting()) is None
 
 
 def test_ratio_for_fitting_counts_the_groups_for_fitting_on_the_rig_as_it_is() -> None:
-    where = sizing.ground(("xl330-turntable", "fast", "slow"))
+    where = sizing.ground(sizing.Key("xl330-turntable", "fast", "slow"))
     size, how = 0.9, Setting(choice=0.0)
     for name in ("dead_zone", "overload_shutdown"):
         never = sizing.ratio_fitted(where, name, 0.0, how, Nuisances())
@@ -111,6 +138,8 @@ def test_a_load_register_is_renewed_as_believed_or_plainly_more_seldom(size: flo
     slow = RIGS["ax12-turntable"].specimen(0.0)
     believed = slow.sheet.load_refresh_s
     assert believed > 0.0
+    prompt, _ = EFFECTS["load_refresh"].apply(BASE.but(tick_s=1.4e-3), size, Setting())
+    assert prompt.sensing.hold_s == pytest.approx(1.2 * 1.4e-3 + size)
     still, _ = EFFECTS["load_refresh"].apply(slow, 0.0, Setting())
     assert still.sensing.hold_s == believed
     moved, truth = EFFECTS["load_refresh"].apply(slow, size, Setting())

@@ -15,6 +15,7 @@ from bench.blind.drafts import JointDraft
 from bench.blind.imitation import Left, least, left_of
 from bench.blind.nuisances import TOLERANCES, bounds, draw_nuisances
 from bench.blind.sizing import noise_floor, observe, ratio_fitted, rms
+from bench.blind.specimen import SIMPLEST
 
 Floats = NDArray[np.float64]
 
@@ -154,7 +155,8 @@ def test_the_size_of_another_part_is_not_known_either() -> None:
 
 @pytest.mark.parametrize("index", [0, 1])
 def test_each_of_a_pair_is_held_beside_the_other(index: int) -> None:
-    case = case_of("backlash", "com_offset", ratio=3.0)
+    case = case_of("backlash", "com_offset", ratio=3.0, seed=7)
+    assert case.ground.build == SIMPLEST  # play before a spring rattles: descents end early there
     left = left_of(case, index)
     assert {name for name in left.imitation if name.endswith(".size")} == {
         f"{case.hidden[1 - index].name}.size"

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.blind.bristles import Bristles
 from bench.blind.instant import TICK_S
 from bench.blind.pendulum import GRAVITY_M_S2, Commands, Trace, roll
 from bench.blind.rigs import RIGS
-from bench.blind.specimen import Gear, Numerics, Specimen
+from bench.blind.specimen import Build, Gear, Numerics, Specimen
 
 LET_GO = -1.0
 
@@ -78,6 +79,64 @@ def test_dry_friction_holds_what_is_below_its_level(pendulum: Specimen) -> None:
     gave = GRAVITY_M_S2 * moment(pendulum) * (math.cos(end) - math.cos(0.5))
     assert end < 0.45
     assert gave == pytest.approx(0.9 * weight_nm * (0.5 - end), rel=0.02)
+
+
+def test_bristles_give_way_by_the_weight_over_their_stiffness_and_hold(pendulum: Specimen) -> None:
+    weight_nm = GRAVITY_M_S2 * moment(pendulum) * math.sin(0.5)
+    stiffness = 1000.0 * weight_nm
+    held = swing(pendulum.but(coulomb_nm=2.5 * weight_nm, bristle_nm_rad=stiffness), 0.5)
+    sunk = 0.5 - held.position_rad
+    assert sunk[-1] == pytest.approx(1e-3, rel=0.01)
+    assert np.ptp(sunk[len(sunk) // 2 :]) < 1e-6
+    slipped = swing(pendulum.but(coulomb_nm=0.9 * weight_nm, bristle_nm_rad=stiffness), 0.5)
+    end = float(slipped.position_rad[-1])
+    gave = GRAVITY_M_S2 * moment(pendulum) * (math.cos(end) - math.cos(0.5))
+    assert gave == pytest.approx(0.9 * weight_nm * (0.5 - end), rel=0.02)
+
+
+def test_bristles_slip_at_their_level_and_turn_back_elastically() -> None:
+    bristles = Bristles(stiffness_nm_rad=100.0, inertia_kg_m2=1e-3, step_s=1e-3)
+    pulls = [bristles.torque(1.0, 0.5) for _ in range(20)]
+    assert pulls[-1] == -0.5
+    assert bristles.bent_rad == 0.005
+    assert bristles.torque(-1.0, 0.5) > -0.5
+    assert bristles.bent_rad == pytest.approx(0.004)
+    assert -0.2 <= bristles.torque(0.0, 0.2) < 0.0  # a level that fell
+
+
+def test_a_sprung_gear_turns_behind_a_rotor_that_rests() -> None:
+    rig = RIGS["xl330-rod"]
+    still = rig.specimen(0.0, Build(sprung=True)).but(coulomb_nm=50.0)
+    trace = swing(still.gear_but(damping_nm_s_rad=0.0), 0.05)
+    crossings = np.flatnonzero(np.diff(np.sign(trace.position_rad - trace.position_rad.mean())))
+    hz = 0.5 / (TICK_S * float(np.diff(crossings).mean()))
+    spring = rig.sheet.gear_stiffness_nm_rad + GRAVITY_M_S2 * moment(still)
+    arm = inertia(still) - still.armature_kg_m2
+    assert hz == pytest.approx(math.sqrt(spring / arm) / (2.0 * math.pi), rel=0.01)
+
+
+def test_the_law_works_on_what_is_counted_at_a_tick(pendulum: Specimen) -> None:
+    slow = pendulum.but(tick_s=1.4e-3, tick_phase=0.25)
+    goals = Commands(np.array([0.0, 0.5]), np.array([0.0, 0.8]), 1.0, start_rad=0.0)
+    trace = roll(slow, goals, np.random.default_rng(1))
+    assert np.diff(trace.t_s) == pytest.approx(1.4e-3)
+    assert trace.t_s[0] / 1.4e-3 % 1.0 == pytest.approx(0.25)
+    step = slow.sheet.step_rad
+    goal = np.where(trace.t_s >= 0.5, 0.8, 0.0)
+    law = np.clip(slow.sheet.law({}).gain_per_rad * (goal - step * trace.count), -1.0, 1.0)
+    assert trace.duty == pytest.approx(law)
+    off = trace.count - trace.sensed_rad / step
+    spread = math.hypot(slow.sensing.noise_steps, 1.0 / math.sqrt(12.0))
+    assert np.std(off[trace.t_s > 0.5]) == pytest.approx(spread, rel=0.1)
+
+
+def test_noise_is_the_seeds_and_none_without_one(pendulum: Specimen) -> None:
+    goals = Commands(np.zeros(1), np.full(1, 0.8), 0.5, start_rad=0.0)
+    one, same, other = (roll(pendulum, goals, np.random.default_rng(n)) for n in (1, 1, 2))
+    assert np.array_equal(one.count, same.count)
+    assert not np.array_equal(one.count, other.count)
+    quiet = roll(pendulum, goals)
+    assert np.array_equal(quiet.count, np.round(quiet.sensed_rad / pendulum.sheet.step_rad))
 
 
 def test_full_duty_without_load_reaches_the_data_sheets_speed() -> None:

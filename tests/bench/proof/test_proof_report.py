@@ -78,7 +78,7 @@ def test_the_second_round_comes_before_the_keys_are_opened(tmp_path):
 def test_everything_is_written_beside_the_score(ambiguous):
     proof, _, published, score = ambiguous
     assert json.loads((proof.folder / "score.json").read_text()) == score
-    assert score["format"] == "busemu-score/1"
+    assert score["format"] == "busemu-score/2"
     assert score["diagnoser"] == published["diagnoser"]
     assert set(GOALS) <= set(score)
     with (proof.folder / "cases.csv").open(newline="") as file:
