@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .diagnosis.journal import Journal
     from .diagnosis.robot_running import Answers
     from .diagnosis.running import Split
+    from .diagnosis.search import Progress
     from .diagnosis.watch import Watch
 
 
@@ -95,14 +96,15 @@ def diagnose(
     journal = Journal(out / FOLDER)
     try:
         described = load_robot(robot)
-        parts = _parts(recordings, holdout or [], robot, described)
+        with stages() as say:
+            parts, odd = _parts(recordings, holdout or [], robot, described, say)
         out.mkdir(parents=True, exist_ok=True)
         _announce(described, parts)
         with stages() as say:
             watch = Watch(say, budget)
             on = date.today()
             answers, findings = _answers(
-                described, parts, out, on, without or (), seed, watch, journal
+                described, parts, odd, out, on, without or (), seed, watch, journal
             )
             origin = Origin(
                 robot=described.name,
@@ -135,6 +137,7 @@ def diagnose(
 def _answers(
     robot: Robot,
     parts: Split,
+    odd: Sequence[str],
     out: Path,
     on: date,
     without: Sequence[str],
@@ -147,10 +150,8 @@ def _answers(
     from .diagnosis.robot_running import Answers, run_robot, walks
     from .diagnosis.running import diagnose as run
     from .diagnosis.running import write
-    from .diagnosis.sense import check_numbers
     from .diagnosis.together import together
 
-    odd = check_numbers((*parts.fitted, *parts.judging), watch.tell)
     if walks(robot):
         answers = run_robot(
             robot, parts, out, on, without=without, watch=watch, journal=journal, known=odd
@@ -178,10 +179,16 @@ def _tell_joints(findings: Sequence[JointFindings]) -> None:
         )
 
 
-def _parts(paths: Sequence[Path], holdout: Sequence[Path], name: str, robot: Robot) -> Split:
-    """What fits and what judges. Raises ``RecordingError`` and ``DiagnosisError``."""
-    from .diagnosis.running import Split, split
-    from .diagnosis.sense import DiagnosisError, check_motion, check_servos
+def _parts(
+    paths: Sequence[Path],
+    holdout: Sequence[Path],
+    name: str,
+    robot: Robot,
+    say: Progress,
+) -> tuple[Split, Sequence[str]]:
+    """What fits and what judges, and what is odd. Raises ``RecordingError``, ``DiagnosisError``."""
+    from .diagnosis.running import Split, misfits, split
+    from .diagnosis.sense import DiagnosisError, check_motion, check_numbers, check_servos
     from .importers import open_recordings
     from .importers.opening import expanded
 
@@ -196,7 +203,11 @@ def _parts(paths: Sequence[Path], holdout: Sequence[Path], name: str, robot: Rob
     for recording in (*read, *judging):
         check_servos(recording, robot)
     check_motion(read, robot)
-    return Split(tuple(read), tuple(judging)) if judging else split(read)
+    odd = check_numbers((*read, *judging), say)
+    if judging:
+        return Split(tuple(read), tuple(judging)), odd
+    say("choosing what judges")
+    return split(read, misfits(robot, read)), odd
 
 
 def _announce(robot: Robot, parts: Split) -> None:

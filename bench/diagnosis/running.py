@@ -15,10 +15,12 @@ from busemu.tables import Robot
 from sim.effects import Effect
 from sim.model import read_model
 
+from .fit import fit
 from .improved import write_improved
 from .joint import JointFindings, diagnose_joint
 from .journal import Journal
 from .knobs import SEEN, joint_effects
+from .model import Hypothesis, JointModel, Kind
 from .observed import Observed, left_out, observe, stuck
 from .search import Progress
 from .sense import DiagnosisError
@@ -45,16 +47,43 @@ def group_of(recording: Recording) -> str:
     return str(recording.metadata.get("group") or recording.name)
 
 
-def split(recordings: Sequence[Recording]) -> Split:
-    """Hold every fourth group out, never part of a group."""
+def split(recordings: Sequence[Recording], misfits: Mapping[str, float] | None = None) -> Split:
+    """Hold every fourth group out, never part of a group: by name, or the second of every four.
+
+    ``misfits`` says how much each group differs from what is believed. What differs most is fitted:
+    an effect that one motion alone shows would be in no fit if that motion judged.
+    """
     groups = sorted({group_of(r) for r in recordings})
     if len(groups) < LEAST_GROUPS:
         return Split(tuple(recordings), ())
-    judging = set(groups[HELD_OUT_OF // 2 :: HELD_OUT_OF])
+    judging = groups[HELD_OUT_OF // 2 :: HELD_OUT_OF]
+    if misfits is not None:
+        worst_first = sorted(groups, key=lambda group: (-misfits.get(group, 0.0), group))
+        judging = worst_first[1::HELD_OUT_OF][: len(judging)]
     return Split(
         tuple(r for r in recordings if group_of(r) not in judging),
         tuple(r for r in recordings if group_of(r) in judging),
     )
+
+
+def misfits(robot: Robot, recordings: Sequence[Recording]) -> Mapping[str, float] | None:
+    """How much each group differs from a rig as believed, tolerances fitted to all [rad^2].
+
+    Nothing for a robot of several joints. Raises as :func:`diagnose`.
+    """
+    base = read_model(robot)
+    if base.trunk is not None or len(base.joints) > 1:
+        return None
+    observed = [o for o in observe(recordings, robot, base.joints[0].name) if not stuck(o)]
+    if not observed:
+        return None
+    model = JointModel(base, robot, observed)
+    found = fit(model, Hypothesis(), np.zeros(len(model.nuisances)), rounds=2)
+    squares: dict[str, list[float]] = {}
+    for (r, kind), block in model.residuals(found.hypothesis, [found.z])[0].items():
+        if kind is Kind.POSITION:
+            squares.setdefault(observed[r].group, []).append(float(np.mean(block.value**2)))
+    return {group: float(np.mean(some)) for group, some in squares.items()}
 
 
 def diagnose(

@@ -17,7 +17,7 @@ from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.next_experiment import GAINS, menu, next_experiments
 from bench.diagnosis.observed import observe
 from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES, Cause, Estimate
-from bench.diagnosis.running import diagnose, split, write
+from bench.diagnosis.running import diagnose, misfits, split, write
 from bench.motions import MOTIONS as MENU
 from bench.recording import Recording
 from busemu.tables import load_robot
@@ -42,6 +42,14 @@ def found():
 @pytest.fixture(scope="module")
 def null():
     return diagnosed({})
+
+
+def test_the_motion_that_shows_an_effect_most_is_fitted():
+    recordings = logs({"torque_limit": {"duty": 0.5}})
+    told = misfits(robot(), recordings)
+    assert set(told) == {r.metadata["group"] for r in recordings}
+    assert max(told, key=told.get) == "steps"
+    assert "steps" in {r.metadata["group"] for r in split(recordings, told).fitted}
 
 
 def written(findings, folder):

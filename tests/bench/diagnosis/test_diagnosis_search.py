@@ -306,6 +306,13 @@ def test_what_is_held_out_is_whole_groups(count):
     assert len(judging) <= max(1, -(-count // HELD_OUT_OF))
 
 
+@pytest.mark.parametrize(("count", "expected"), [(3, {"g1"}), (5, {"g3"}), (9, {"g7", "g3"})])
+def test_what_differs_most_is_fitted_and_the_second_of_four_judges(count, expected):
+    recordings = [recording(f"g{k}", 0) for k in range(count)]
+    parts = split(recordings, {f"g{k}": float(k) for k in range(count)})
+    assert {r.metadata["group"] for r in parts.judging} == expected
+
+
 def test_few_groups_are_all_fitted():
     recordings = [recording(f"g{k}", 0) for k in range(LEAST_GROUPS - 1)]
     assert split(recordings).judging == ()
