@@ -15,7 +15,7 @@ from busemu.tables import Robot
 from sim.drive import kernel
 from sim.rollout import Replay
 
-from .commands import drive_commands, supply_events
+from .commands import TURN, drive_commands, supply_events
 from .posture import recorded_posture
 from .smooth import follows, smooth
 
@@ -151,6 +151,8 @@ def _observe(
             if (servo_id, register, "read") in recording.by_series:
                 times, values = recording.si(servo_id, register, "read")
                 if len(times):
+                    waits = recording.waits(servo_id, register)
+                    times = times + TURN * np.nan_to_num(waits.own - waits.first)
                     if register == LOAD:
                         values = values * float(table.drive.get("load_sign", 1.0))
                     quantum = abs(table[register].si_scale)

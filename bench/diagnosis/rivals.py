@@ -53,12 +53,16 @@ def rivals(
 def contemporaries(
     model: JointModel, now: Fit, named: Gain, known: Sequence[Gain]
 ) -> tuple[float, list[Rival], dict[str, Fit], Fit]:
-    """As :func:`rivals`, from what was fitted beside an effect when it was taken: nothing new."""
+    """As :func:`rivals`, from what was fitted beside an effect when it was taken: nothing new.
+
+    Another name that holds beside it is not what it could be instead.
+    """
     before = set(named.fit.hypothesis.effects) - {named.effect}
     tried = [
         g
         for g in known
-        if g.effect != named.effect and set(g.fit.hypothesis.effects) == before | {g.effect}
+        if g.effect not in now.hypothesis.effects
+        and set(g.fit.hypothesis.effects) == before | {g.effect}
     ]
     without, *_ = drop(model, now, named.effect)
     probability, close = _among(model, named, tried)

@@ -19,16 +19,13 @@ from sim.stepped import TICK_S, SteppedPlant
 from sim.tree import SEGMENTS, PhysicalRobot
 from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
-from .commands import drive_commands
+from .commands import TURN, drive_commands
 
 Floats = NDArray[np.float64]
 
 HEIGHT = "mocap/base_z_m"  #: of the trunk; other outside channels depend on where one stands
 BASE_EVERY = 10  #: ticks between two looks at the trunk
 LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
-#: when a servo samples between the instruction and its reply, as a share of that wait: servos that
-#: are read together look when it is their turn, and the last part is the line's and the host's
-TURN = 0.87
 #: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
 LATE_S = 0.0015
 SETTLE_S = 1.0  #: in which a replay that begins in the middle of a course only settles; assumed
@@ -111,12 +108,7 @@ def course(recording: Recording, robot: Robot) -> Course:
 
 def _waits_s(recording: Recording, servo_id: int) -> Floats:
     """From instruction to reply of every position that came [s]; 0 where nobody noted it."""
-    rows = recording.rows(servo_id, "present_position", "read")
-    raw = recording.table.column("raw").to_numpy()[rows]
-    reply = recording.table.column("t_reply_s").to_numpy()[rows]
-    waits: Floats = (reply - recording.t_s[rows])[~np.isnan(raw)]
-    waits[np.isnan(waits)] = 0.0
-    return waits
+    return np.nan_to_num(recording.waits(servo_id, "present_position").own)
 
 
 def loaded(robot: Robot, condition: Mapping[str, Any]) -> PhysicalRobot:

@@ -19,6 +19,7 @@ from .columns import canonical, numbers, servo_ids, texts
 from .errors import RecordingError
 from .metadata import FORMAT, check_metadata, known_robot, known_tables, plain
 from .rules import READ, WRITE, check_rows
+from .turns import Waits, waits
 
 Floats = NDArray[np.float64]
 #: servo ID, register, operation
@@ -142,6 +143,16 @@ class Recording:
         raw = numbers(self.table, "raw")[rows]
         there = ~np.isnan(raw)
         return Series(self.t_s[rows][there], raw[there])
+
+    def waits(self, servo_id: int, register: str) -> Waits:
+        """From instruction to reply of every sample of :meth:`series` that was read [s]."""
+        rows = self.rows(servo_id, register, READ)
+        rows = rows[~np.isnan(numbers(self.table, "raw")[rows])]
+        return Waits(self._waits.own[rows], self._waits.first[rows])
+
+    @cached_property
+    def _waits(self) -> Waits:
+        return waits(self.table)
 
     def si(self, servo_id: int, register: str, op: str | None = None) -> Series:
         """:meth:`series` in SI, in the register's ``si_unit``; as it is for a namespaced register.

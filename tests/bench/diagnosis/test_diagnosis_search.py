@@ -12,7 +12,7 @@ from bench.diagnosis.floor import tolerance
 from bench.diagnosis.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.rivals import CLOSE, NONE_LEAST, _among, rivals
+from bench.diagnosis.rivals import CLOSE, NONE_LEAST, _among, contemporaries, rivals
 from bench.diagnosis.running import (
     HELD_OUT_OF,
     LEAST_GROUPS,
@@ -91,6 +91,19 @@ def test_rivals_are_on_one_scale():
     assert all(r.behind_nats < CLOSE for r in close)
     assert set(fits) == {r.effect for r in close}
     assert without.hypothesis.effects == ()
+
+
+def test_a_name_that_holds_beside_another_is_not_its_rival(monkeypatch):
+    """When the first was taken, the second had been fitted in its place, and gained more."""
+    model = model_of(logs(motions=["slow"]))
+    first, second = sized("gain_error", 1.0, 100.0), sized("dead_zone", 1.0, 120.0)
+    both = first.fit.hypothesis + second.fit.hypothesis.knobs
+    monkeypatch.setattr("bench.diagnosis.rivals.drop", lambda *_: (first.fit, first))
+    for held, expected in ((both, []), (first.fit.hypothesis, ["dead_zone"])):
+        found = SimpleNamespace(hypothesis=held)
+        probability, close, *_ = contemporaries(model, found, first, [first, second])
+        assert [rival.effect for rival in close] == expected
+        assert (probability > 0.5) is (not expected)
 
 
 def test_a_faint_gain_is_stated_with_less_and_none_with_certainty():
