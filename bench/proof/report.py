@@ -15,7 +15,7 @@ from .robot_pictures import draw_robots
 from .robot_scoring import GOALS as ROBOT_GOALS
 from .robot_scoring import WITHOUT, place_rows, robot_score
 from .running import Proof
-from .scoring import FORMAT, GOALS, beside, score, set_goal
+from .scoring import FORMAT, GOALS, RULES, beside, score, set_goal
 from .stages import stages
 from .table import write_table
 
@@ -40,6 +40,7 @@ def write_score(
     made_by |= active.made_by() if active else set()
     document: dict[str, Any] = {
         "format": FORMAT,
+        "rules": RULES,
         "seed": seed,
         "cases": len(every),
         "not_had": len(proof.not_had),

@@ -17,7 +17,7 @@ from bench.proof.answering import Answers
 from bench.proof.errors import ProofError
 from bench.proof.judging import Judged
 from bench.proof.report import write_score
-from bench.proof.scoring import GOALS
+from bench.proof.scoring import GOALS, RULES
 
 
 def prove(*words):
@@ -78,7 +78,8 @@ def test_the_second_round_comes_before_the_keys_are_opened(tmp_path):
 def test_everything_is_written_beside_the_score(ambiguous):
     proof, _, published, score = ambiguous
     assert json.loads((proof.folder / "score.json").read_text()) == score
-    assert score["format"] == "busemu-score/2"
+    assert score["format"] == "busemu-score/1"
+    assert score["rules"] == RULES
     assert score["diagnoser"] == published["diagnoser"]
     assert set(GOALS) <= set(score)
     with (proof.folder / "cases.csv").open(newline="") as file:
