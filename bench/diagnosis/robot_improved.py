@@ -11,7 +11,7 @@ from bench.files import write_text
 from busemu.tables import Robot
 from sim.effects import Parameter, effect
 from sim.model import Addition, Estimate, with_additions
-from sim.tree import PhysicalRobot
+from sim.tree import Joint, PhysicalRobot
 
 from .result import Estimate as Found
 from .robot_effects import Placed
@@ -22,6 +22,7 @@ WORTH = 0.3  #: deviations of its prior below which a nuisance is left as believ
 PLACES = {
     "zero": ("zero_offset", "offset_rad"),
     "torque": ("torque_constant", "scale"),
+    "motors": ("torque_constant", "scale"),
     "mass": ("link_mass", "scale"),
     "supply": ("supply_voltage", "scale"),
     "gain": ("gain_error", "scale"),
@@ -96,16 +97,12 @@ def of_room(nuisances: Sequence[RobotNuisance], z: Sequence[float]) -> list[Addi
 
 def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addition]:
     word, _, where = name.partition(" ")
-    if word == "friction":
-        (drive,) = (j.drive for j in base.joints if j.name == where)
-        levels = {
-            "coulomb_friction": ("more_nm", drive.friction.coulomb_nm),
-            "viscous_friction": ("more_nm_s_rad", drive.friction.viscous_nm_s_rad),
-        }
+    if word in ("friction", "gears"):
         return [
-            _one(kind, parameter, x * level, (where,), told)
-            for kind, (parameter, level) in levels.items()
-            if level != 0.0
+            addition
+            for joint in base.joints
+            if where in ("", joint.name)
+            for addition in _friction(joint, x, told)
         ]
     if word == "centre":
         return [_one("com_offset", f"{where}_m", x, ("trunk",), told)]
@@ -122,6 +119,18 @@ def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addit
     if word == "late" and value <= 0.0:
         return []  # a command that acts earlier than it is sent is the reading's, not the robot's
     return [_one(kind, parameter, value, places, told)]
+
+
+def _friction(joint: Joint, x: float, told: str) -> list[Addition]:
+    levels = {
+        "coulomb_friction": ("more_nm", joint.drive.friction.coulomb_nm),
+        "viscous_friction": ("more_nm_s_rad", joint.drive.friction.viscous_nm_s_rad),
+    }
+    return [
+        _one(kind, parameter, x * level, (joint.name,), told)
+        for kind, (parameter, level) in levels.items()
+        if level != 0.0
+    ]
 
 
 def _one(kind: str, parameter: str, value: float, where: tuple[str, ...], told: str) -> Addition:

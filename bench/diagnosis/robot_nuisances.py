@@ -1,7 +1,8 @@
 """What is never exactly as the operator of a whole robot believes, and is no finding.
 
 Nuisances are small, so their traces add up: each is one trace a unit of its prior's deviation,
-replayed once (or told by the replay itself), and every hypothesis may turn it under its prior. What
+replayed once (or told by the replay itself), and every hypothesis may turn it under its prior.
+Joints differ from each other, and all together from what a data sheet says of their make. What
 makes a joint soft or stiff acts on that joint's own error first, so one replay with all joints of a
 kind changed gives the traces of each of them.
 """
@@ -107,17 +108,21 @@ def _link_mass(segment: str) -> Change:
     return changed
 
 
+def _of_all(change: Callable[[DriveParameters, float], DriveParameters]) -> Change:
+    def changed(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+        joints = tuple(replace(j, drive=change(j.drive, x)) for j in robot.joints)
+        return replace(robot, joints=joints)
+
+    return changed
+
+
 def _supply(robot: PhysicalRobot, x: float) -> PhysicalRobot:
     volts = robot.supply.voltage_v * (1.0 + x)
     return replace(robot, supply=replace(robot.supply, voltage_v=volts))
 
 
-def _gain(robot: PhysicalRobot, x: float) -> PhysicalRobot:
-    joints = tuple(
-        replace(j, drive=replace(j.drive, gain_scale=j.drive.gain_scale * (1.0 + x)))
-        for j in robot.joints
-    )
-    return replace(robot, joints=joints)
+def _gain(drive: DriveParameters, x: float) -> DriveParameters:
+    return replace(drive, gain_scale=drive.gain_scale * (1.0 + x))
 
 
 def _of_effect(name: str, parameter: str, where: tuple[str, ...], *, over: float = 0.0) -> Change:
@@ -218,6 +223,8 @@ COMMON = {
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
     "late": ("s", 0.001, "a host's adapter; assumed"),
     "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
+    "motors": ("(ratio)", 0.08, "a make +-10 %, and a stall torque before or after friction: 6 %"),
+    "gears": ("(ratio)", 0.15, "friction of one make, warm or cold; assumed"),
 }
 
 #: effects at places that are a nuisance without its prior
@@ -230,6 +237,7 @@ SAME = {
     "gain": ("gain_error@all",),
     "late": ("transport_delay@all",),
     "grip": ("foot_slip@all",),
+    "motors": ("torque_constant@all",),
 }
 
 
@@ -256,7 +264,9 @@ def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
         change = _of_effect("ground_tilt", f"{axis}_rad", ())
         found.append(Trial(f"tilt {axis}", math.radians(1.0), change))
     found.append(Trial("supply", 0.03, _supply))
-    found.append(Trial("gain", 0.05, _gain))
+    found.append(Trial("gain", 0.05, _of_all(_gain)))
+    found.append(Trial("motors", 0.06, _of_all(_torque)))
+    found.append(Trial("gears", 0.2, _of_all(_friction)))
     found.append(Trial("late", 0.002, _of_effect("transport_delay", "delay_s", ())))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
     return tuple(found)

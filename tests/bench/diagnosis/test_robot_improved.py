@@ -60,6 +60,24 @@ def test_a_joints_own_nuisance_changes_that_joint_only(word):
         assert own.drive.torque_constant_nm_a == pytest.approx(expected.drive.torque_constant_nm_a)
 
 
+@pytest.mark.parametrize("word", ["motors", "gears"])
+def test_what_all_joints_have_in_common_changes_all_of_them(word):
+    (nuisance,) = (n for n in every() if n.name == word)
+    (trial,) = (t for t in trials(believed()) if t.name == word)
+    added = of_nuisances(believed(), every(), only(word, trial.size / nuisance.deviation), TOLD)
+    wanted = trial.change(believed(), trial.size)
+    for own, expected in zip(with_all(believed(), added).joints, wanted.joints, strict=True):
+        assert own.drive.friction.coulomb_nm == pytest.approx(expected.drive.friction.coulomb_nm)
+        assert own.drive.torque_constant_nm_a == pytest.approx(expected.drive.torque_constant_nm_a)
+        assert own.drive != believed().joints[0].drive
+
+
+def test_every_nuisance_that_is_the_robots_is_in_its_file():
+    for nuisance in every():
+        if nuisance.name.split()[0] not in NOT_THE_ROBOTS:
+            assert of_nuisances(believed(), every(), only(nuisance.name, 2.0), TOLD), nuisance.name
+
+
 @pytest.mark.parametrize("word", NOT_THE_ROBOTS)
 def test_what_is_not_the_robots_own_is_not_in_its_file(word):
     names = [n.name for n in every() if n.name.split()[0] == word]
