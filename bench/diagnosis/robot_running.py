@@ -70,9 +70,11 @@ def run_robot(
         raise DiagnosisError(
             f"the time is used up before {early}: give more; the same command goes on from here"
         ) from None
+    diagnosis = found.diagnosis
     if watch.stopped is not None:
         known = (*known, f"the time was used up before {watch.stopped}: what follows was not tried")
-    diagnosis = replace(found.diagnosis, limits=(*found.diagnosis.limits, *known))
+        diagnosis = replace(diagnosis, details={**diagnosis.details, "stopped": watch.stopped})
+    diagnosis = replace(diagnosis, limits=(*diagnosis.limits, *known))
     found = replace(found, diagnosis=diagnosis)
     write_answers(robot, found, out)
     return Answers(
