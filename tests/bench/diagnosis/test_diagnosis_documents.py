@@ -45,7 +45,7 @@ def null():
 
 
 def test_the_motion_that_shows_an_effect_most_is_fitted():
-    recordings = logs({"torque_limit": {"duty": 0.5}})
+    recordings = logs({"torque_limit": {"duty": 0.3}})
     told = misfits(robot(), recordings)
     assert set(told) == {r.metadata["group"] for r in recordings}
     assert max(told, key=told.get) == "steps"

@@ -124,7 +124,8 @@ def test_few_recordings_leave_a_number_less_sure_than_many(cable):
     model, found = cable
     spread = Spread(model, found)
     apart = np.diag(spread.sandwich(spread.recordings))
-    assert (np.diag(spread.between_recordings()) > apart).all()
+    free = np.diag(spread.believed) > 0.0  # the levels of a rigid gear are idle
+    assert (np.diag(spread.between_recordings())[free] > apart[free]).all()
 
 
 def test_a_variance_is_no_less_than_any_of_its_parts(cable):
