@@ -248,6 +248,7 @@ def test_sub_quantum_case_is_below_the_step() -> None:
     assert hidden.ratio * noise_floor(case.ground.key) < case.ground.rig.sheet.step_rad
 
 
+@pytest.mark.slow
 def test_overload_that_does_not_trip_in_recordings_for_fitting_is_drawn_anew(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -312,6 +313,7 @@ def test_mimicked_case_names_its_rival(tmp_path: Path) -> None:
     assert 0.0 < key["rival"]["unlike"] < ALIKE
 
 
+@pytest.mark.slow
 def test_case_whose_rivals_are_unlike_is_not_called_mimicked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
