@@ -18,6 +18,9 @@ from .rules import READ
 Floats = NDArray[np.float64]
 
 SAME_S = 1e-6  #: within which replies are of one instant
+#: share of packets whose replies are of one instant beyond which a host notes a packet's end for
+#: all: a library does so each time or never, and a lost reply or two must not decide; assumed
+MOST = 0.5
 
 
 class Waits(NamedTuple):
@@ -50,7 +53,7 @@ def waits(table: pa.Table) -> Waits:
     soonest = np.fmin.reduceat(own[reads], starts)
     answered = np.add.reduceat((~np.isnan(own[reads])).astype(int), starts)
     told = answered > 1
-    if told.any() and (last - soonest < SAME_S)[told].mean() > 0.5:  # the packet's end for all
+    if told.any() and (last - soonest < SAME_S)[told].mean() > MOST:  # the packet's end for all
         whole = told & (answered == count)
         usual = float(np.median(last[whole])) if whole.any() else np.inf
         share = np.minimum(last, usual)[group] / count[group]
