@@ -78,10 +78,7 @@ TABLE: Mapping[str, Mapping[str, Translate]] = MappingProxyType(
         },
         "gain_error": {"scale": _is("factor")},
         "integral_action": {"gain_per_rad_s": _is("gain_per_rad_s")},
-        "joint_compliance": {
-            "compliance_rad_nm": _more_compliant("stiffness_nm_rad"),
-            "damping_nm_s_rad": _is("damping_nm_s_rad"),
-        },
+        "joint_compliance": {"compliance_rad_nm": _more_compliant("stiffness_nm_rad")},
         "link_mass": {"scale": _is("factor")},
         "load_friction": {"ratio": _is("coefficient")},
         "load_refresh": {"period_s": _is("period_s")},
