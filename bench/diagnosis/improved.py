@@ -13,7 +13,6 @@ with the numbers of the named effects free as well.
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections.abc import Mapping, Sequence
 from datetime import date
@@ -123,16 +122,11 @@ def _place(name: str) -> tuple[Effect, Parameter]:
     return told, told.parameter(PLACES[name][1])
 
 
-def _slope(found: JointFindings, nuisance: Nuisance) -> float:
-    """What one deviation of a nuisance is, as its effect counts it."""
+def _size(found: JointFindings, nuisance: Nuisance) -> float:
+    """What a unit of a nuisance is, as its effect counts it."""
     level = LEVELS.get(nuisance.name)
     drive = found.model.base.joints[found.model.index].drive
-    return nuisance.deviation * (getattr(drive.friction, level) if level else 1.0)
-
-
-def _ratio(scale: float, nuisance: Nuisance) -> float:
-    """How many deviations of a nuisance that is a factor a scale is."""
-    return math.log(scale) / nuisance.deviation
+    return float(getattr(drive.friction, level)) if level else 1.0
 
 
 def _once(findings: Sequence[JointFindings]) -> Mapping[str, float]:
@@ -168,11 +162,8 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
             ends = (once[nuisance.name], once[nuisance.name])
         elif nuisance.name in PLACES and not (once and nuisance.name == "link"):
             _, known = _place(nuisance.name)
-            if nuisance.logarithmic:
-                ends = (_ratio(known.low, nuisance), _ratio(known.high, nuisance))
-            else:
-                slope = max(_slope(found, nuisance), 1e-12)
-                ends = ((known.low - known.off) / slope, (known.high - known.off) / slope)
+            size = _size(found, nuisance)
+            ends = nuisance.at(known.low, known.off, size), nuisance.at(known.high, known.off, size)
         low[k], high[k] = np.clip(ends, low[k], high[k])
     start = np.clip(z, low, high)
     if (start == z).all() and not foretold(found):
@@ -203,10 +194,7 @@ def _nuisances(found: JointFindings, vector: Floats, joint: str, told: str) -> l
         if nuisance.name not in PLACES or z == 0.0:
             continue
         there, parameter = _place(nuisance.name)
-        if nuisance.logarithmic:
-            value = parameter.off * math.exp(z * nuisance.deviation)
-        else:
-            value = parameter.off + z * _slope(found, nuisance)
+        value = nuisance.value(z, parameter.off, _size(found, nuisance))
         value = min(parameter.high, max(parameter.low, value))
         if value != parameter.off:
             estimate = Estimate(value, f"nuisance {nuisance.name}; {told}")

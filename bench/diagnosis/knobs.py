@@ -151,6 +151,21 @@ class Nuisance:
         """Whether what is added is the logarithm of a factor."""
         return self.unit == LOGARITHM
 
+    def value(self, z: float, off: float, size: float = 1.0) -> float:
+        """What ``z`` deviations make of a number that is ``off`` without.
+
+        ``size`` is what a unit of the nuisance is in that number's unit; of a factor, no matter.
+        """
+        if self.logarithmic:
+            return off * math.exp(z * self.deviation)
+        return off + z * self.deviation * size
+
+    def at(self, value: float, off: float, size: float = 1.0) -> float:
+        """The ``z`` at which :meth:`value` gives a value; far away where the size is 0."""
+        if self.logarithmic:
+            return math.log(value / off) / self.deviation
+        return (value - off) / max(self.deviation * size, 1e-12)
+
 
 def _scaled(*fields: int) -> Callable[[Candidate, float], Candidate]:
     def change(candidate: Candidate, x: float) -> Candidate:

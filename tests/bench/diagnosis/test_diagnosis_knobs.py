@@ -125,6 +125,17 @@ def by_name(name):
     return next(n for n in NUISANCES if n.name == name)
 
 
+@pytest.mark.parametrize("nuisance", NUISANCES, ids=lambda n: n.name)
+def test_a_number_that_a_nuisance_makes_is_undone(nuisance):
+    made = nuisance.value(0.7, 1.0, 0.05)
+    assert made == (
+        math.exp(0.7 * nuisance.deviation)
+        if nuisance.logarithmic
+        else pytest.approx(1.0 + 0.7 * nuisance.deviation * 0.05)
+    )
+    assert nuisance.at(made, 1.0, 0.05) == pytest.approx(0.7)
+
+
 def test_a_heavier_link_leaves_the_payload_as_it_is():
     moved = by_name("link").change(candidate(), 0.5)
     assert moved.load.sine_nm == pytest.approx(1.5 * 0.01 + 0.1)
