@@ -33,8 +33,15 @@ def believed(
     """The joint as its operator believes it, and that with all tolerances fitted."""
     rigid = JointModel(base, robot, observed, journal, load_refresh_s)
     before = fit(rigid, Hypothesis(), np.zeros(len(rigid.nuisances)))
-    if math.isinf(base.joints[rigid.index].drive.gear_stiffness_nm_rad):
+    other = sprung(rigid)
+    if other is None:
         return rigid, before
-    sprung = JointModel(base, robot, observed, journal, load_refresh_s, sprung=True)
-    other = fit(sprung, Hypothesis(), np.zeros(len(sprung.nuisances)))
-    return (sprung, other) if other.cost < before.cost - PLAINLY else (rigid, before)
+    return other if other[1].cost < before.cost - PLAINLY else (rigid, before)
+
+
+def sprung(rigid: JointModel) -> tuple[JointModel, Fit] | None:
+    """The same joint with the spring of its file, and that fitted; none where it has none."""
+    if rigid.sprung or math.isinf(rigid.base.joints[rigid.index].drive.gear_stiffness_nm_rad):
+        return None
+    model = rigid.of(rigid.observed, sprung=True)
+    return model, fit(model, Hypothesis(), np.zeros(len(model.nuisances)))

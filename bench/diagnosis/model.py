@@ -156,10 +156,10 @@ class JointModel:
         observed = (*self.observed, *other.observed)
         return self.of(observed)
 
-    def of(self, observed: Sequence[Observed]) -> JointModel:
-        """The same joint in other recordings."""
+    def of(self, observed: Sequence[Observed], *, sprung: bool = False) -> JointModel:
+        """The same joint in other recordings; ``sprung``: with the gear of its file at last."""
         known = self.base, self.robot, observed, self.journal, self._load_refresh_s
-        return JointModel(*known, sprung=self.sprung)
+        return JointModel(*known, sprung=sprung or self.sprung)
 
     def rigid(self, hypothesis: Hypothesis) -> bool:
         """Whether rotor and load are one mass."""

@@ -73,6 +73,11 @@ class Settled:
     effects: Mapping[str, Effect]
     rejected: Sequence[Mapping[str, Any]]
 
+    @property
+    def thought_of(self) -> Sequence[str]:
+        """Names that hold, and those that were taken back."""
+        return [gain.effect for gain in self.taken] + [row["effect"] for row in self.rejected]
+
 
 def settle(
     model: JointModel,

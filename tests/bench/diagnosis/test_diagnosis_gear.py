@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pendulum_logs import JOINT, logs, model_of, robot
 
+from bench.diagnosis import joint
 from bench.diagnosis.fit import bounds, fit
 from bench.diagnosis.gear import believed
 from bench.diagnosis.knobs import GEAR_LEVELS, effect_knobs
@@ -53,3 +54,18 @@ def test_play_is_found_whatever_the_damping_of_the_gear(times):
     start = np.append(np.zeros(len(model.nuisances)), 1.0)
     found = fit(model, PLAY, start)
     assert PLAY.knobs[0].value(found.z[-1]) == pytest.approx(0.03, rel=0.15)
+
+
+def test_the_spring_of_the_file_is_no_compliance_where_it_was_taken_for_rigid(monkeypatch):
+    """Which gear it is hangs on what is named: a name about gears asks once more."""
+    told = observe(logs(motions=("fast", "steps"), sprung=True), robot(), JOINT)
+
+    def taken_for_rigid(*known):
+        model = JointModel(*known)
+        return model, fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+
+    monkeypatch.setattr(joint, "believed", taken_for_rigid)
+    effects = {"joint_compliance": effect("joint_compliance")}
+    found = joint.diagnose_joint(read_model(robot()), robot(), told, effects=effects)
+    assert found.model.sprung
+    assert found.diagnosis.causes == ()
