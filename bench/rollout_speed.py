@@ -17,7 +17,7 @@ import numpy as np
 
 from busemu.plant import DriveCommand
 from busemu.tables import Robot, load_robot
-from sim.drive import kernel
+from sim.drive import kernel, lanes
 from sim.drive.bank import command_column
 from sim.drive.kernel import Array
 from sim.model import read_model
@@ -94,7 +94,7 @@ def batched(robot: Robot, count: int, *, rigid: bool) -> tuple[Array, float]:
     begun_s = time.perf_counter()
     out = batch.run(some, [0] * count)
     took_s = (time.perf_counter() - begun_s) / count
-    return out[0][:, kernel.OUT_POSITION], took_s
+    return out[0][:, lanes.OUT_POSITION], took_s
 
 
 def plain(robot: Robot) -> tuple[Array, float]:
@@ -103,11 +103,11 @@ def plain(robot: Robot) -> tuple[Array, float]:
     Numba must have been told before it was imported: ``NUMBA_DISABLE_JIT=1``.
     """
     (one,) = candidates(robot, 1, rigid=False)
-    kernel.LANES = 1  # lanes without a job cost nothing only where vectors are made of them
+    lanes.LANES = 1  # lanes without a job cost nothing only where vectors are made of them
     batch = Batch([replay()], 1)
     begun_s = time.perf_counter()
     out = batch.run([one], [0])
-    return out[0][:, kernel.OUT_POSITION], time.perf_counter() - begun_s
+    return out[0][:, lanes.OUT_POSITION], time.perf_counter() - begun_s
 
 
 def plain_s() -> float:

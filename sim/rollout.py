@@ -2,7 +2,7 @@
 
 A *replay* is what happened at the port of one servo: commands with their times, and the instants at
 which its registers were sampled. A *candidate* is what the servo and its load may be. Every pair of
-them is a job of :func:`sim.drive.kernel.rollout`. Jobs that are alike are rolled out in groups, in
+them is a job of :func:`sim.drive.lanes.rollout`. Jobs that are alike are rolled out in groups, in
 lockstep; groups are shared over threads.
 """
 
@@ -19,8 +19,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .drive import kernel
-from .drive.kernel import Array, Jobs
+from .drive import kernel, lanes
+from .drive.kernel import Array
+from .drive.lanes import Jobs
 from .robot import PhysicalRobot
 from .stepped import TICK_S
 
@@ -33,9 +34,10 @@ TURNS = 40  #: of the fixed point of a sensor's wave: each takes off amplitude x
 class Replay:
     """Commands and sample instants of one servo [s since the replay began]; servo frame.
 
-    ``events`` (n, 3): time, field of :mod:`sim.drive.kernel` (commands, or from ``SUPPLY_EVENT``
-    on supplies), value; ``samples`` (m,), both ascending. ``start`` is the column of commands at
-    the beginning, ``position_rad`` and ``velocity_rad_s`` those of the output shaft.
+    ``events`` (n, 3): time, field of :mod:`sim.drive.kernel` (commands, or from
+    ``lanes.SUPPLY_EVENT`` on supplies), value; ``samples`` (m,), both ascending. ``start`` is the
+    column of commands at the beginning, ``position_rad`` and ``velocity_rad_s`` those of the output
+    shaft.
     """
 
     start: Array
@@ -141,7 +143,7 @@ class Batch:
         """Run candidate ``k`` on replay ``replays[k]``; a (samples, CHANNELS) array for each."""
         groups, jobs = self._jobs(candidates, replays)
         longest = max(len(self.replays[r].samples) for r in replays)
-        out = np.full((len(candidates), longest, kernel.CHANNELS), np.nan)
+        out = np.full((len(candidates), longest, lanes.CHANNELS), np.nan)
         self._share(groups, jobs, out)
         return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
 
@@ -161,7 +163,7 @@ class Batch:
             sensed[j, : len(angles)] = angles
         tasks = [
             _pool(self._threads).submit(
-                kernel.regulate,
+                lanes.regulate,
                 groups,
                 np.array([c.skew_s for c in candidates]),
                 jobs,
@@ -178,21 +180,21 @@ class Batch:
         return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
 
     def _jobs(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> tuple[Array, Jobs]:
-        rows = np.zeros((len(candidates), kernel.ROWS))
-        supplies, loads = rows[:, kernel.OF_SUPPLIES :], rows[:, kernel.OF_LOADS :]
+        rows = np.zeros((len(candidates), lanes.ROWS))
+        supplies, loads = rows[:, lanes.OF_SUPPLIES :], rows[:, lanes.OF_LOADS :]
         for j, (c, r) in enumerate(zip(candidates, replays, strict=True)):
             replay = self.replays[r]
             rows[j, : kernel.PARAMS] = c.drive
-            rows[j, kernel.OF_COMMANDS : kernel.OF_SUPPLIES] = replay.start
+            rows[j, lanes.OF_COMMANDS : lanes.OF_SUPPLIES] = replay.start
             supplies[j, kernel.SUPPLY_VOLTAGE] = c.voltage_v
             supplies[j, kernel.SUPPLY_RESISTANCE] = c.source_ohm
-            loads[j, kernel.LOAD_INERTIA] = c.load.inertia_kg_m2
+            loads[j, lanes.LOAD_INERTIA] = c.load.inertia_kg_m2
             shown = replay.position_rad + c.start_offset_rad
-            loads[j, kernel.SHAFT_POSITION] = shaft_at(c.drive, shown)
-            loads[j, kernel.SHAFT_VELOCITY] = replay.velocity_rad_s
-            loads[j, kernel.SAMPLE_SKEW] = c.skew_s + c.late_s
-            loads[j, kernel.DUTY_REFRESH] = c.load_refresh_s
-            loads[j, kernel.DUTY_PHASE] = c.load_phase_s
+            loads[j, lanes.SHAFT_POSITION] = shaft_at(c.drive, shown)
+            loads[j, lanes.SHAFT_VELOCITY] = replay.velocity_rad_s
+            loads[j, lanes.SAMPLE_SKEW] = c.skew_s + c.late_s
+            loads[j, lanes.DUTY_REFRESH] = c.load_refresh_s
+            loads[j, lanes.DUTY_PHASE] = c.load_phase_s
         number = self._groups(rows[:, : kernel.PARAMS], self._end_s[np.asarray(replays)])
         gravity = [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]
         jobs = Jobs(
@@ -208,7 +210,7 @@ class Batch:
         )
         return np.ascontiguousarray(rows[number].swapaxes(1, 2)), jobs
 
-    def _groups(self, params: Array, end_s: Array) -> kernel.Integers:
+    def _groups(self, params: Array, end_s: Array) -> lanes.Integers:
         """Jobs that are rolled out together, the longest first: (groups, LANES), -1 is none."""
         soft = np.isfinite(params[:, kernel.GEAR_STIFFNESS])
         play = params[:, kernel.BACKLASH] != 0.0
@@ -216,11 +218,11 @@ class Batch:
         kind = 4 * soft + 2 * play + falling
         order = np.lexsort((-end_s, kind))
         groups = [
-            alike[k : k + kernel.LANES]
+            alike[k : k + lanes.LANES]
             for alike in np.split(order, np.flatnonzero(np.diff(kind[order])) + 1)
-            for k in range(0, len(alike), kernel.LANES)
+            for k in range(0, len(alike), lanes.LANES)
         ]
-        number = np.full((len(groups), kernel.LANES), -1)
+        number = np.full((len(groups), lanes.LANES), -1)
         for row, group in zip(number, groups, strict=True):
             row[: len(group)] = group
         return number
@@ -229,14 +231,14 @@ class Batch:
         soft = np.isfinite(groups[:, kernel.GEAR_STIFFNESS, 0])
         tasks = [
             _pool(self._threads).submit(
-                kernel.rollout,
+                lanes.rollout,
                 groups,
                 jobs,
                 TICK_S,
                 substeps,
                 first,
                 last,
-                np.empty((kernel.PLACES, kernel.LANES), np.int64),
+                np.empty((lanes.PLACES, lanes.LANES), np.int64),
                 out,
             )
             for first, last, substeps in self._alike(soft)
@@ -279,5 +281,5 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, "rollout")
 
 
-def _ranges(lengths: Sequence[int]) -> kernel.Integers:
+def _ranges(lengths: Sequence[int]) -> lanes.Integers:
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)

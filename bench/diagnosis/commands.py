@@ -16,7 +16,7 @@ from bench.recording import Recording
 from busemu.plant import DriveCommand, ServoState
 from busemu.servo import Servo
 from busemu.tables import ControlTable, ServoMount
-from sim.drive import kernel
+from sim.drive import kernel, lanes
 from sim.drive.bank import command_column
 
 Floats = NDArray[np.float64]
@@ -127,5 +127,5 @@ def _writes(
 
 def supply_events(t_s: Floats, volts: Floats) -> Floats:
     """A recorded voltage as what the supply does: rows as :func:`drive_commands` gives them."""
-    field_number = float(kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE)
+    field_number = float(lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE)
     return np.stack([t_s, np.full_like(t_s, field_number), volts], axis=1)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.drive import kernel
+from sim.drive import lanes
 from sim.effects import effect
 
 from .fit import Fit, fit
@@ -63,7 +63,7 @@ def supply_contradiction(
 def _without_voltage(one: Observed) -> Observed:
     """A recording as if the voltage register had not been read."""
     events = one.replay.events
-    replay = replace(one.replay, events=events[events[:, 1] < kernel.SUPPLY_EVENT])
+    replay = replace(one.replay, events=events[events[:, 1] < lanes.SUPPLY_EVENT])
     channels: dict[Channel, Samples] = dict(one.channels)
     del channels[Channel.VOLTAGE]
     return replace(one, replay=replay, channels=channels)

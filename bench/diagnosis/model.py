@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 from sim.condition import under
-from sim.drive import kernel
+from sim.drive import kernel, lanes
 from sim.effects import catalogue
 from sim.entries import Section
 from sim.one_joint import one_joint_load
@@ -276,7 +276,7 @@ class JointModel:
     def duty(self, hypothesis: Hypothesis, z: Floats, r: int) -> tuple[Floats, Floats]:
         """Times [s] and sizes of the duty that a vector makes of one recording."""
         (out,) = self._run([self.candidate(hypothesis, z, r)], [r])
-        return self.observed[r].replay.samples, np.abs(out[:, kernel.OUT_DUTY])
+        return self.observed[r].replay.samples, np.abs(out[:, lanes.OUT_DUTY])
 
     def law(self, found: Hypothesis, z: Floats, r: int, every_s: float) -> Floats:
         """The duty that firmware made of the recorded angles, every so many seconds from 0 on."""
@@ -304,7 +304,7 @@ class JointModel:
                 continue
             keep, at = samples.good, samples.index
             if kind is Kind.POSITION:
-                modelled = out[at, kernel.OUT_POSITION]
+                modelled = out[at, lanes.OUT_POSITION]
                 extra = (speed[at] * INSTANT_S) ** 2
             elif kind is Kind.DUTY:
                 assert duty is not None
@@ -314,12 +314,12 @@ class JointModel:
                     keep = keep & np.concatenate([[False], np.diff(samples.value) != 0.0])
                     earlier = np.concatenate([modelled[:1], modelled[:-1]])
                     modelled, aged = 0.5 * (modelled + earlier), (modelled - earlier) ** 2 / 12.0
-                gain = np.abs(out[:, kernel.OUT_DUTY]) < 1.0
+                gain = np.abs(out[:, lanes.OUT_DUTY]) < 1.0
                 slope = self._gain(r) * gain[at]
                 extra = (slope * speed[at] * 4.0 * INSTANT_S) ** 2
                 extra += (slope * observed.position.quantum) ** 2 / 6.0 + aged
             else:
-                drawn = out[at, kernel.OUT_DUTY] * out[at, kernel.OUT_CURRENT]
+                drawn = out[at, lanes.OUT_DUTY] * out[at, lanes.OUT_CURRENT]
                 drop = candidate.source_ohm * drawn
                 modelled = candidate.voltage_v - drop
                 pace = np.gradient(drop, samples.t_s) if len(drop) > 1 else np.zeros(len(at))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bench.recording import Recording, RecordingError
 from busemu.tables import Robot
-from sim.drive import kernel
+from sim.drive import kernel, lanes
 from sim.rollout import Replay
 
 from .commands import TURN, drive_commands, supply_events
@@ -35,9 +35,9 @@ STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
 class Channel(enum.Enum):
     """A signal of a servo: the registers that may bring it, and the rollouts' column for it."""
 
-    POSITION = ("position", ("present_position",), kernel.OUT_POSITION)
-    DUTY = ("duty", ("present_pwm", "present_load"), kernel.OUT_DUTY)
-    VOLTAGE = ("voltage", ("present_input_voltage", "present_voltage"), kernel.OUT_VOLTAGE)
+    POSITION = ("position", ("present_position",), lanes.OUT_POSITION)
+    DUTY = ("duty", ("present_pwm", "present_load"), lanes.OUT_DUTY)
+    VOLTAGE = ("voltage", ("present_input_voltage", "present_voltage"), lanes.OUT_VOLTAGE)
 
     def __init__(self, word: str, registers: tuple[str, ...], column: int) -> None:
         self.word = word

@@ -11,7 +11,7 @@ from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
 from bench.recording import Recording
 from busemu.tables import load_robot
-from sim.drive import kernel
+from sim.drive import lanes
 from sim.effects import effect
 from sim.model import read_model
 from sim.rollout import Batch
@@ -21,9 +21,9 @@ PACE_S = 0.01  #: of a bus that reads and writes one servo
 REST_S = 0.1  #: before a motion begins
 CONDITION = {"support": "rig", "payload_kg": 0.15, "payload_at_m": 0.1}
 CHANNELS = {
-    "present_position": kernel.OUT_POSITION,
-    "present_pwm": kernel.OUT_DUTY,
-    "present_input_voltage": kernel.OUT_VOLTAGE,
+    "present_position": lanes.OUT_POSITION,
+    "present_pwm": lanes.OUT_DUTY,
+    "present_input_voltage": lanes.OUT_VOLTAGE,
 }
 POSITION, DUTY, VOLTS = CHANNELS
 

@@ -23,7 +23,7 @@ from bench.diagnosis.commands import drive_commands, recording_baud_rate, supply
 from bench.diagnosis.observed import LEAST_SAMPLES, Channel, lonely, observe, unwrapped
 from bench.recording import Recording, RecordingError
 from busemu.tables import load_robot
-from sim.drive import kernel
+from sim.drive import kernel, lanes
 
 COUNTS_A_TURN = 4096
 
@@ -113,8 +113,8 @@ def test_registers_that_only_read_are_not_written():
 def test_a_recorded_voltage_is_the_supply():
     rows = supply_events(np.array([0.1, 0.2]), np.array([5.0, 4.8]))
     assert rows.tolist() == [
-        [0.1, kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 5.0],
-        [0.2, kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 4.8],
+        [0.1, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 5.0],
+        [0.2, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 4.8],
     ]
 
 
@@ -144,11 +144,11 @@ def test_every_channel_finds_its_samples_among_the_replays():
 def test_a_voltage_that_was_read_feeds_the_replay_from_the_start():
     (recording,) = logs(motions=["slow"], registers=(POSITION, VOLTS))
     (one,) = observe([recording], robot(), JOINT)
-    volts = one.replay.events[one.replay.events[:, 1] >= kernel.SUPPLY_EVENT]
+    volts = one.replay.events[one.replay.events[:, 1] >= lanes.SUPPLY_EVENT]
     assert volts[0, 0] == 0.0
     assert volts[:, 2] == pytest.approx(one.channels[Channel.VOLTAGE].value)
     (without,) = observe([recording], robot(), JOINT, supply_from_register=False)
-    assert (without.replay.events[:, 1] < kernel.SUPPLY_EVENT).all()
+    assert (without.replay.events[:, 1] < lanes.SUPPLY_EVENT).all()
 
 
 def test_a_recording_of_too_few_positions_is_left_out_and_of_none_refused():

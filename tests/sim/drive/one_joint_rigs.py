@@ -11,7 +11,7 @@ import numpy as np
 
 from busemu.plant import DriveCommand, OperatingMode
 from busemu.tables import load_robot
-from sim.drive import kernel
+from sim.drive import kernel, lanes
 from sim.drive.bank import command_column
 from sim.drive.parameters import DriveParameters, Friction
 from sim.robot import read_physics
@@ -130,7 +130,7 @@ def regulated(one: Candidate, to: Replay, sensed_rad: Sequence[float] | np.ndarr
 
 
 def position(out: np.ndarray) -> np.ndarray:
-    return out[:, kernel.OUT_POSITION]
+    return out[:, lanes.OUT_POSITION]
 
 
 def periods_s(angle: np.ndarray) -> np.ndarray:

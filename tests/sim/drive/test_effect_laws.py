@@ -28,7 +28,7 @@ from one_joint_rigs import (
 )
 from scipy.optimize import brentq
 
-from sim.drive import kernel
+from sim.drive import lanes
 from sim.drive.parameters import DriveParameters, Friction
 from sim.effects import effect
 from sim.rollout import Candidate, Load
@@ -147,10 +147,10 @@ def test_overload_shutdown() -> None:
     told = replay(regulating(1.0), goals([0.5], [0.0]), duration_s=0.8)
     one = having("overload_shutdown", level(HEAVY), duty=0.9, time_s=after)
     out = run(one, told)
-    current = out[:, kernel.OUT_CURRENT]
+    current = out[:, lanes.OUT_CURRENT]
     last = np.flatnonzero(current)[-1] * TICK_S
     assert last == pytest.approx(after, abs=2.01 * TICK_S)
-    assert (out[np.arange(len(out)) * TICK_S > after + 3 * TICK_S, kernel.OUT_DUTY] == 0.0).all()
+    assert (out[np.arange(len(out)) * TICK_S > after + 3 * TICK_S, lanes.OUT_DUTY] == 0.0).all()
 
 
 def test_an_overload_that_stops_in_time_shuts_nothing_down() -> None:
@@ -158,7 +158,7 @@ def test_an_overload_that_stops_in_time_shuts_nothing_down() -> None:
     t = np.arange(0.0, 1.0, 0.2)
     told = replay(regulating(), goals(t, np.where(np.arange(5) % 2, 0.0, 1.0)), duration_s=1.0)
     out = run(having("overload_shutdown", level(HEAVY), duty=0.9, time_s=0.25), told)
-    assert out[-1, kernel.OUT_DUTY] == 1.0
+    assert out[-1, lanes.OUT_DUTY] == 1.0
 
 
 # --- electrical and thermal
@@ -171,7 +171,7 @@ def stalled(one: Candidate, duty: float = 1.0, seconds: float = 0.2) -> np.ndarr
 @pytest.mark.parametrize("duty", [-1.0, -0.2, 0.2, 0.7])
 def test_current_limit(duty: float) -> None:
     limit = 0.5
-    current = stalled(having("current_limit", limit_a=limit), duty)[1:, kernel.OUT_CURRENT]
+    current = stalled(having("current_limit", limit_a=limit), duty)[1:, lanes.OUT_CURRENT]
     wanted = math.copysign(min(limit, abs(duty) * STALL_A), duty)
     assert current == pytest.approx(wanted, rel=1e-4)
 
@@ -182,7 +182,7 @@ def test_torque_droop(times: float) -> None:
     droop, stall_a = 0.4, plain_drive().data_sheet.stall_current_a
     one = having("torque_droop", level(), droop=droop)
     pushed = run(one, replay(pushing(times * stall_a / STALL_A), duration_s=0.01))
-    current, speed = pushed[1, kernel.OUT_CURRENT], pushed[1, kernel.OUT_VELOCITY]
+    current, speed = pushed[1, lanes.OUT_CURRENT], pushed[1, lanes.OUT_VELOCITY]
     # at the first tick the joint begins to move: the current is the mean, and hardly less
     share = abs(current) / stall_a
     torque = TORQUE_CONSTANT * current * (1.0 + droop) / (1.0 + droop * share)
@@ -215,15 +215,15 @@ def test_voltage_sag(duty: float) -> None:
     ohm = 0.8
     out = stalled(having("voltage_sag", resistance_ohm=ohm), duty)[1:]
     wanted = VOLTAGE_V / (1.0 + ohm * duty**2 / plain_drive().resistance_ohm)
-    assert out[:, kernel.OUT_VOLTAGE] == pytest.approx(wanted, rel=1e-4)
-    drawn = duty * out[:, kernel.OUT_CURRENT]
-    assert VOLTAGE_V - ohm * drawn == pytest.approx(out[:, kernel.OUT_VOLTAGE], rel=1e-4)
+    assert out[:, lanes.OUT_VOLTAGE] == pytest.approx(wanted, rel=1e-4)
+    drawn = duty * out[:, lanes.OUT_CURRENT]
+    assert VOLTAGE_V - ohm * drawn == pytest.approx(out[:, lanes.OUT_VOLTAGE], rel=1e-4)
 
 
 def test_supply_voltage() -> None:
     out = stalled(having("supply_voltage", scale=0.8))[1:]
-    assert out[:, kernel.OUT_VOLTAGE] == pytest.approx(0.8 * VOLTAGE_V)
-    assert out[:, kernel.OUT_CURRENT] == pytest.approx(0.8 * STALL_A, rel=1e-4)
+    assert out[:, lanes.OUT_VOLTAGE] == pytest.approx(0.8 * VOLTAGE_V)
+    assert out[:, lanes.OUT_CURRENT] == pytest.approx(0.8 * STALL_A, rel=1e-4)
 
 
 @pytest.mark.parametrize("rise_per_k", [0.0, 0.0039])
@@ -234,7 +234,7 @@ def test_thermal_derating(rise_per_k: float) -> None:
     one = having("thermal_derating", drive=drive, heat_resistance_k_w=per_watt, time_s=time_s)
     out = stalled(one, 0.5, seconds)
     t = np.arange(len(out)) * TICK_S
-    heat, current = out[:, kernel.OUT_HEAT], out[:, kernel.OUT_CURRENT]
+    heat, current = out[:, lanes.OUT_HEAT], out[:, lanes.OUT_CURRENT]
     if rise_per_k == 0.0:
         loss = plain_drive().resistance_ohm * (0.5 * STALL_A) ** 2
         wanted = per_watt * loss * (1.0 - np.exp(-t / time_s))
@@ -254,12 +254,12 @@ def test_torque_constant(scale: float) -> None:
         having("torque_constant", level(), scale=scale), replay(pushing(0.1), duration_s=seconds)
     )
     begun = scale * TORQUE_CONSTANT * 0.1 * STALL_A / INERTIA
-    assert pushed[1, kernel.OUT_VELOCITY] == pytest.approx(begun * TICK_S, rel=0.02)
+    assert pushed[1, lanes.OUT_VELOCITY] == pytest.approx(begun * TICK_S, rel=0.02)
     spun = run(
         having("torque_constant", level(), scale=scale), replay(pushing(0.1), duration_s=4.0)
     )
     free = 0.1 * VOLTAGE_V / (scale * plain_drive().back_emf_v_s_rad)
-    assert spun[-1, kernel.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
+    assert spun[-1, lanes.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
 
 
 @pytest.mark.parametrize("scale", [0.7, 1.3])
@@ -267,12 +267,12 @@ def test_back_emf(scale: float) -> None:
     """As much torque at stall, less speed at no load."""
     changed = having("back_emf", level(), scale=scale)
     pushed = run(changed, replay(pushing(0.1), duration_s=0.02))
-    assert pushed[1, kernel.OUT_VELOCITY] == pytest.approx(
+    assert pushed[1, lanes.OUT_VELOCITY] == pytest.approx(
         TORQUE_CONSTANT * 0.1 * STALL_A / INERTIA * TICK_S, rel=0.02
     )
     spun = run(changed, replay(pushing(0.1), duration_s=4.0))
     free = 0.1 * VOLTAGE_V / (scale * plain_drive().back_emf_v_s_rad)
-    assert spun[-1, kernel.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
+    assert spun[-1, lanes.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
 
 
 # --- friction
@@ -281,7 +281,7 @@ def test_back_emf(scale: float) -> None:
 def deceleration(name: str, speed: float, **values: float) -> float:
     """Of a free joint that coasts, at its beginning [rad/s^2]."""
     out = run(having(name, level(), **values), replay(velocity_rad_s=speed, duration_s=0.01))
-    return float(out[0, kernel.OUT_VELOCITY] - out[1, kernel.OUT_VELOCITY]) / TICK_S
+    return float(out[0, lanes.OUT_VELOCITY] - out[1, lanes.OUT_VELOCITY]) / TICK_S
 
 
 def test_coulomb_friction() -> None:
@@ -310,7 +310,7 @@ def test_viscous_friction() -> None:
     )
     t = np.arange(len(out)) * TICK_S
     wanted = 4.0 * np.exp(-more / INERTIA * t)
-    assert out[:, kernel.OUT_VELOCITY] == pytest.approx(wanted, abs=0.002 * 4.0)
+    assert out[:, lanes.OUT_VELOCITY] == pytest.approx(wanted, abs=0.002 * 4.0)
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.2, 1.0])
@@ -333,14 +333,14 @@ def falling(name: str, **values: float) -> float:
     """How fast a weight at a right angle begins to fall [rad/s^2], torque off."""
     load = pendulum(GRAVITY_NM, centre_rad=0.5 * math.pi)
     out = run(having(name, load, **values), replay(duration_s=0.01))
-    return float(out[1, kernel.OUT_VELOCITY]) / TICK_S
+    return float(out[1, lanes.OUT_VELOCITY]) / TICK_S
 
 
 def driving(name: str, **values: float) -> float:
     """How fast a free joint begins to move under its motor [rad/s^2], over the ideal."""
     out = run(having(name, level(), **values), replay(pushing(0.2), duration_s=0.01))
     ideal = TORQUE_CONSTANT * 0.2 * STALL_A / INERTIA
-    return float(out[1, kernel.OUT_VELOCITY]) / TICK_S / ideal
+    return float(out[1, lanes.OUT_VELOCITY]) / TICK_S / ideal
 
 
 def test_load_friction() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from one_joint_rigs import goals, regulating, replay, rig
 
-from sim.drive import kernel
+from sim.drive import lanes
 from sim.effects import Group, catalogue, effect
 from sim.one_joint import one_joint_load
 from sim.rollout import Batch, Candidate, Load, Replay
@@ -19,7 +19,7 @@ from sim.tree import PhysicalRobot, Supply
 GROUPS = (Group.GEAR, Group.FRICTION, Group.CONTROLLER, Group.ELECTRICAL, Group.SENSING)
 
 P, D, V, R = "position", "duty", "voltage", "regulated duty"
-COLUMNS = {P: kernel.OUT_POSITION, D: kernel.OUT_DUTY, V: kernel.OUT_VOLTAGE}
+COLUMNS = {P: lanes.OUT_POSITION, D: lanes.OUT_DUTY, V: lanes.OUT_VOLTAGE}
 
 #: what an effect of typical size moves in a rig on a stiff supply; it must move nothing else
 MOVES: Mapping[str, set[str]] = {

@@ -26,7 +26,7 @@ from one_joint_rigs import (
 )
 
 from busemu.plant import DriveCommand, OperatingMode
-from sim.drive import kernel
+from sim.drive import kernel, lanes
 from sim.drive.bank import DriveBank, command_column
 from sim.drive.parameters import Friction
 from sim.rollout import GEAR_SUBSTEPS, Batch, Candidate, Load, Replay
@@ -112,7 +112,7 @@ KINDS = {
 def busy() -> list[Replay]:
     """Of several lengths, with all that can happen at a port."""
     told = [
-        (0.10, kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 9.0),
+        (0.10, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 9.0),
         (0.15, kernel.ENABLED, 0.0),
         (0.20, kernel.ENABLED, 1.0),
         (0.30, kernel.MODE, kernel.MODE_VELOCITY),
@@ -139,7 +139,7 @@ def many(drives: list[Any], count: int) -> list[Candidate]:
     ]
 
 
-@pytest.mark.parametrize("count", [kernel.LANES + 5, kernel.FEW])
+@pytest.mark.parametrize("count", [lanes.LANES + 5, lanes.FEW])
 @pytest.mark.parametrize("name", KINDS)
 def test_lanes_give_what_their_jobs_give_alone(name: str, count: int) -> None:
     """Of one kind and of all, in groups that are full, not full, and of few."""
@@ -173,7 +173,7 @@ def test_threads_change_nothing(drive: Any) -> None:
 def test_a_batch_remembers_nothing_of_earlier_runs() -> None:
     """Heat, integrals, commands and supplies all begin anew."""
     told = [replay(regulating(0.5, integral_gain_per_rad_s=3.0), goals([0.2], [-0.5]))]
-    told[0] = replace(told[0], events=np.vstack([told[0].events, [0.3, kernel.SUPPLY_EVENT, 9.0]]))
+    told[0] = replace(told[0], events=np.vstack([told[0].events, [0.3, lanes.SUPPLY_EVENT, 9.0]]))
     batch, one = Batch(told, 1), candidate(DRIVE)
     first = batch.run([one], [0])[0]
     assert (batch.run([one], [0])[0] == first).all()
@@ -260,7 +260,7 @@ def test_a_controller_along_its_own_angles_gives_its_own_duty(name: str) -> None
     out = run(one, told)
     duty = regulated(one, told, position(out))
     # a count may fall the other way where an angle stands within rounding of half a count
-    assert np.mean(np.abs(duty - out[:, kernel.OUT_DUTY]) < 1e-6) > 0.99
+    assert np.mean(np.abs(duty - out[:, lanes.OUT_DUTY]) < 1e-6) > 0.99
     assert np.ptp(duty) > 0.1
 
 
@@ -300,9 +300,9 @@ def test_a_skew_is_an_angle_of_another_instant_and_a_duty_of_this_one(skew: floa
     skewed, now, then = (
         run(candidate(DRIVE, skew_s=s), t) for s, t in ((skew, told), (0.0, told), (0.0, late))
     )
-    sensor = [kernel.OUT_POSITION, kernel.OUT_VELOCITY]
+    sensor = [lanes.OUT_POSITION, lanes.OUT_VELOCITY]
     assert (skewed[:, sensor] == then[:, sensor]).all()
-    rest = [c for c in range(kernel.CHANNELS) if c not in sensor]
+    rest = [c for c in range(lanes.CHANNELS) if c not in sensor]
     assert (skewed[:, rest] == now[:, rest]).all()
 
 
@@ -312,7 +312,7 @@ def test_a_controller_is_asked_along_angles_at_the_instants_they_are_of(skew: fl
     out = run(candidate(DRIVE, skew_s=skew), told)
     duty = regulated(candidate(DRIVE, skew_s=skew), told, position(out))
     misread = regulated(candidate(DRIVE), told, position(out))
-    right, wrong = (np.abs(d - out[:, kernel.OUT_DUTY])[20:-20].mean() for d in (duty, misread))
+    right, wrong = (np.abs(d - out[:, lanes.OUT_DUTY])[20:-20].mean() for d in (duty, misread))
     assert right < 0.1 * wrong
 
 
@@ -327,8 +327,8 @@ def test_a_sample_between_ticks_lies_between_them() -> None:
 def test_a_load_register_is_held_for_its_period() -> None:
     period = 0.13
     told = swinging(1.0)
-    fresh = run(candidate(), told)[:, kernel.OUT_DUTY]
-    held = run(candidate(load_refresh_s=period), told)[:, kernel.OUT_DUTY]
+    fresh = run(candidate(), told)[:, lanes.OUT_DUTY]
+    held = run(candidate(load_refresh_s=period), told)[:, lanes.OUT_DUTY]
     changed = np.flatnonzero(np.diff(held)) + 1
     for k, sample in enumerate(changed[1:], start=2):
         # a sample at a tick still shows what held until then
@@ -342,7 +342,7 @@ def test_the_phase_of_a_load_register_moves_its_instants() -> None:
     sunk = candidate(plain_drive(friction=Friction(viscous_nm_s_rad=2.0)))
     for phase in (0.0, 0.05):
         one = replace(sunk, load_refresh_s=0.13, load_phase_s=phase)
-        held = run(one, told)[:, kernel.OUT_DUTY]
+        held = run(one, told)[:, lanes.OUT_DUTY]
         instants = (np.flatnonzero(np.diff(held)) + 1) * TICK_S
         instants = instants[instants > phase + 2 * TICK_S]
         wanted = phase + 0.13 * np.arange(1, len(instants) + 1)
@@ -353,11 +353,11 @@ def test_the_phase_of_a_load_register_moves_its_instants() -> None:
 
 def test_supply_events_set_the_supply_from_their_instant_on() -> None:
     events = [
-        (0.25, kernel.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 9.0),
-        (0.50, kernel.SUPPLY_EVENT + kernel.SUPPLY_RESISTANCE, 0.5),
+        (0.25, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 9.0),
+        (0.50, lanes.SUPPLY_EVENT + kernel.SUPPLY_RESISTANCE, 0.5),
     ]
     told = replay(pushing(0.5), events=events, duration_s=0.8)
-    volts = run(candidate(load=level(10.0)), told)[:, kernel.OUT_VOLTAGE]
+    volts = run(candidate(load=level(10.0)), told)[:, lanes.OUT_VOLTAGE]
     t = np.arange(len(volts)) * TICK_S
     assert (volts[t <= 0.25] == VOLTAGE_V).all()
     assert (volts[(t > 0.2511) & (t <= 0.5)] == 9.0).all()
@@ -366,7 +366,7 @@ def test_supply_events_set_the_supply_from_their_instant_on() -> None:
 
 def test_supply_events_are_late_with_the_commands_and_no_concern_of_a_controller() -> None:
     told = swinging(0.5)
-    dip = [0.2, kernel.SUPPLY_EVENT, 3.0]
+    dip = [0.2, lanes.SUPPLY_EVENT, 3.0]
     dipped = replace(told, events=np.vstack([told.events[told.events[:, 0] <= 0.2], dip]))
     plain = replace(told, events=told.events[told.events[:, 0] <= 0.2])
     angles = 0.1 * told.samples
@@ -388,14 +388,14 @@ def test_commands_of_different_fields_at_one_instant_all_hold() -> None:
     ]
     off = DriveCommand(operating_mode=OperatingMode.POSITION)
     out = run(candidate(load=level(10.0)), replay(off, events, duration_s=0.3))
-    assert (out[:101, kernel.OUT_DUTY] == 0.0).all()
-    assert out[102, kernel.OUT_DUTY] == pytest.approx(1.0, rel=1e-3)
+    assert (out[:101, lanes.OUT_DUTY] == 0.0).all()
+    assert out[102, lanes.OUT_DUTY] == pytest.approx(1.0, rel=1e-3)
 
 
 def test_torque_off_lets_the_joint_fall_and_on_catches_it() -> None:
     events = [(0.2, kernel.ENABLED, 0.0), (0.4, kernel.ENABLED, 1.0)]
     out = run(candidate(load=pendulum(0.2, 1.0)), replay(regulating(), events, duration_s=2.0))
-    current = out[:, kernel.OUT_CURRENT]
+    current = out[:, lanes.OUT_CURRENT]
     assert (current[202:400] == 0.0).all()
     assert (current[402:500] != 0.0).all()
     assert position(out)[399] > position(out)[200] + 0.05
@@ -425,5 +425,5 @@ def test_a_start_offset_moves_the_first_angle() -> None:
 
 def test_a_gain_acts_on_the_first_tick() -> None:
     out = run(candidate(), replay(regulating(0.1), duration_s=0.01))
-    assert out[0, kernel.OUT_DUTY] == pytest.approx(0.1 * GAIN_PER_RAD)
+    assert out[0, lanes.OUT_DUTY] == pytest.approx(0.1 * GAIN_PER_RAD)
     assert command_column(regulating(0.1))[kernel.GAIN_CW] == GAIN_PER_RAD

@@ -31,7 +31,7 @@ from one_joint_rigs import (
 from scipy.special import ellipk
 
 from sim import rollout
-from sim.drive import kernel
+from sim.drive import lanes
 from sim.drive.parameters import DriveParameters, Friction
 from sim.rollout import Load
 from sim.stepped import TICK_S
@@ -84,11 +84,11 @@ def test_a_shorted_motor_brakes_with_its_back_emf() -> None:
     out = run(candidate(load=level()), replay(pushing(0.0), velocity_rad_s=start, duration_s=0.2))
     rate = DRIVE.torque_constant_nm_a * DRIVE.back_emf_v_s_rad / DRIVE.resistance_ohm / INERTIA
     t = np.arange(len(out)) * TICK_S
-    assert out[:, kernel.OUT_VELOCITY] == pytest.approx(start * np.exp(-rate * t), abs=0.01 * start)
+    assert out[:, lanes.OUT_VELOCITY] == pytest.approx(start * np.exp(-rate * t), abs=0.01 * start)
 
 
 def energy(out: np.ndarray) -> np.ndarray:
-    return 0.5 * INERTIA * out[:, kernel.OUT_VELOCITY] ** 2 + GRAVITY_NM * (
+    return 0.5 * INERTIA * out[:, lanes.OUT_VELOCITY] ** 2 + GRAVITY_NM * (
         1.0 - np.cos(position(out))
     )
 
@@ -129,7 +129,7 @@ def test_a_joint_that_friction_stopped_stays_exactly_where_it_is() -> None:
     load = pendulum(0.9 * nm, centre_rad=0.5 * math.pi)
     out = run(candidate(coulomb(nm), load), replay(velocity_rad_s=-2.0, duration_s=2.0))
     later = out[len(out) // 2 :]
-    assert (later[:, kernel.OUT_VELOCITY] == 0.0).all()
+    assert (later[:, lanes.OUT_VELOCITY] == 0.0).all()
     assert (position(later) == position(later)[0]).all()
     assert position(later)[0] != 0.0
 
@@ -151,10 +151,10 @@ def test_held_against_gravity_the_error_is_the_torque(gravity_nm: float) -> None
         replay(regulating(goal), position_rad=goal, duration_s=6.0),
     )
     rest = position(held)[-1]
-    assert held[-1, kernel.OUT_VELOCITY] == pytest.approx(0.0, abs=1e-6)
+    assert held[-1, lanes.OUT_VELOCITY] == pytest.approx(0.0, abs=1e-6)
     wanted = gravity_nm * math.sin(rest) / (PUSH_NM * GAIN_PER_RAD)
     assert goal - rest == pytest.approx(wanted, rel=1e-4)
-    assert held[-1, kernel.OUT_DUTY] == pytest.approx(GAIN_PER_RAD * (goal - rest), rel=1e-6)
+    assert held[-1, lanes.OUT_DUTY] == pytest.approx(GAIN_PER_RAD * (goal - rest), rel=1e-6)
 
 
 def test_beyond_full_duty_the_joint_gives_what_it_can() -> None:
@@ -164,7 +164,7 @@ def test_beyond_full_duty_the_joint_gives_what_it_can() -> None:
         candidate(viscous(1.0), pendulum(gravity_nm)),
         replay(regulating(goal), position_rad=goal, duration_s=20.0),
     )
-    assert held[-1, kernel.OUT_DUTY] == 1.0
+    assert held[-1, lanes.OUT_DUTY] == 1.0
     assert math.sin(position(held)[-1]) == pytest.approx(1.0 / 1.2, rel=1e-4)
 
 
@@ -214,7 +214,7 @@ def test_a_moving_gravity_is_spread_over_the_replay() -> None:
     inertia = 1.0 + DRIVE.rotor_inertia_kg_m2
     speed = pull / inertia * (t - t**2 / duration)
     held = pull / inertia * TICK_S  # what holding it for a tick may do
-    assert out[:, kernel.OUT_VELOCITY] == pytest.approx(speed, abs=1.01 * held)
+    assert out[:, lanes.OUT_VELOCITY] == pytest.approx(speed, abs=1.01 * held)
     assert held < 0.01 * speed.max()
 
 
@@ -236,10 +236,10 @@ def load_friction() -> Iterator[Any]:
         batch = rollout.Batch([replay(duration_s=0.3)], 1)
         one = candidate(drive, pendulum(0.09, centre_rad=1.0))
         groups, jobs = batch._jobs([one], [0])
-        groups[:, kernel.OF_LOADS + kernel.SHAFT_FRICTION] = bearing_nm
-        at = np.empty((kernel.PLACES, kernel.LANES), np.int64)
-        out = np.full((1, 301, kernel.CHANNELS), np.nan)
-        kernel.rollout(groups, jobs, TICK_S, 20, 0, 1, at, out)
+        groups[:, lanes.OF_LOADS + lanes.SHAFT_FRICTION] = bearing_nm
+        at = np.empty((lanes.PLACES, lanes.LANES), np.int64)
+        out = np.full((1, 301, lanes.CHANNELS), np.nan)
+        lanes.rollout(groups, jobs, TICK_S, 20, 0, 1, at, out)
         return position(out[0])
 
     return rolled
