@@ -53,6 +53,7 @@ PLACES = {
     "supply": ("supply_voltage", "scale"),
     "gain": ("gain_error", "scale"),
     "rotor_level": ("rotor_inertia", "scale"),
+    "punch": ("punch_left_out", "share"),
     "gear_stiffness": ("gear_spring", "stiffness_scale"),
     "gear_damping": ("gear_spring", "damping_scale"),
 }

@@ -31,6 +31,7 @@ OUTSIDE = frozenset(
         "foot_slip",
         "ground_compliance",
         "gear_spring",
+        "punch_left_out",
         "ground_tilt",
         "leg_geometry",
         "latency_timer",
@@ -46,7 +47,11 @@ FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was state
 
 
 LOGARITHM = "(logarithm)"  #: unit of a nuisance that is a factor
+SHARE = "(share)"  #: unit of one that lies between nothing and all, and either end is as believable
 
+#: nuisance of a position law that leaves its punch register out of the duty, idle beside the effect
+#: of that name; and the law whose manuals do not say
+PUNCH, UNDOCUMENTED = "punch", "pid"
 MASS, CENTRE_M = 0.05, 0.003  #: tolerances of a link's mass and of where its centre is
 
 
@@ -151,6 +156,11 @@ class Nuisance:
         """Whether what is added is the logarithm of a factor."""
         return self.unit == LOGARITHM
 
+    @property
+    def stands_in(self) -> bool:
+        """Whether it stands in for something else where it has gone as far as it may."""
+        return self.unit != SHARE
+
     def value(self, z: float, off: float, size: float = 1.0) -> float:
         """What ``z`` deviations make of a number that is ``off`` without.
 
@@ -182,6 +192,11 @@ def _times(field: int) -> Callable[[Candidate, float], Candidate]:
         return candidate
 
     return change
+
+
+def _punch(candidate: Candidate, x: float) -> Candidate:
+    candidate.drive[kernel.PUNCH_LEFT_OUT] += x
+    return candidate
 
 
 def _zero(candidate: Candidate, x: float) -> Candidate:
@@ -264,6 +279,15 @@ NUISANCES = (
         "gain", "(ratio)", 0.03, "scale of a gain register; assumed", _scaled(kernel.GAIN_SCALE)
     ),
     Nuisance(
+        PUNCH,
+        SHARE,
+        1.0,
+        "whether a PID law adds its punch register to the duty is documented nowhere; assumed",
+        _punch,
+        reach=1.0,
+        least=0.0,
+    ),
+    Nuisance(
         "gear_stiffness",
         LOGARITHM,
         math.log(4.0),
@@ -295,12 +319,15 @@ DOUBTS = {
 
 
 def nuisances(
-    drive: Section, body: Section | None = None, lever_m: float | None = None
+    drive: Section,
+    body: Section | None = None,
+    lever_m: float | None = None,
+    law: str = UNDOCUMENTED,
 ) -> tuple[Nuisance, ...]:
     """The nuisances of a joint, as wide as a robot file says of servo and body, else as usual.
 
     ``lever_m`` is how far the link's centre of mass is from the axis, if that is known: the nearer,
-    the more a tolerance of its place means.
+    the more a tolerance of its place means. ``law`` is the position law of the control table.
     """
     told = {
         DOUBTS[key]: deviation for key in DOUBTS if (deviation := drive.deviation(key)) is not None
@@ -317,6 +344,7 @@ def nuisances(
         if n.name in told
         else replace(n, deviation=usual[n.name])
         for n in NUISANCES
+        if n.name != PUNCH or law == UNDOCUMENTED
     )
 
 

@@ -29,7 +29,7 @@ from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
 from .journal import Journal, code, digest
-from .knobs import GEAR_LEVELS, SOFTER, TWINS, Knob, nuisances, with_effects
+from .knobs import GEAR_LEVELS, PUNCH, SOFTER, TWINS, Knob, nuisances, with_effects
 from .noise import Block
 from .observed import Channel, Observed
 from .posture import arm_load
@@ -45,7 +45,7 @@ REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
 LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again for one it has tried
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
-TURNING = frozenset({"gain", "read_skew"})
+TURNING = frozenset({"gain", "read_skew", PUNCH})
 GEARS = frozenset({"backlash", "joint_compliance"})  #: which are about a gear that is a spring
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 
@@ -114,7 +114,9 @@ class JointModel:
         bodies = told.sections("body") if "body" in told else ()
         body = next((b for b in bodies if b.table.get("name") == joint), None)
         drive = told.section("drive").section(self.mount.model)
-        self.nuisances = nuisances(drive, body, _lever_m(base, joint))
+        law = str(robot.tables[self.mount.servo_id].drive.get("law"))
+        self.nuisances = nuisances(drive, body, _lever_m(base, joint), law)
+        self._punched = any(has_punch(o.replay.start, *o.replay.events.T[1:]) for o in observed)
         self._batch = Batch([o.replay for o in observed])
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]
@@ -170,6 +172,8 @@ class JointModel:
         idle = {TWINS[name] for name in hypothesis.effects if name in TWINS}
         if self.rigid(hypothesis):
             idle |= GEAR_LEVELS
+        if PUNCH in hypothesis.effects or not self._punched:
+            idle.add(PUNCH)
         if SOFTER in hypothesis.effects:
             idle.add("gear_stiffness")
         return idle
@@ -355,6 +359,11 @@ def _lever_m(base: PhysicalRobot, joint: str) -> float | None:
     if body is None or body.mass.mass_kg <= 0.0:
         return None
     return float(np.linalg.norm(np.cross(body.axis, body.mass.centre_m)))
+
+
+def has_punch(start: Floats, fields: Floats, values: Floats) -> bool:
+    """Whether drives are ever told a punch: by commands at first, or by changes of fields."""
+    return bool((start[kernel.PUNCH] > 0.0).any() or (values[fields == kernel.PUNCH] > 0.0).any())
 
 
 def believed_refresh_s(robot: Robot, joint: str) -> float:

@@ -121,13 +121,9 @@ class Sight:
 
     def box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
         """The least and the greatest of every number; idle nuisances stay at 0."""
-        reach = np.array(
-            [0.0 if set(n.same) & set(names) else n.reach for n in self.model.nuisances]
-        )
-        ends = [self.model.placed[name].knob.bounds for name in names]
-        low = np.concatenate([-reach, [low for low, _ in ends]])
-        high = np.concatenate([reach, [high for _, high in ends]])
-        return low, high
+        own = [(0.0, 0.0) if set(n.same) & set(names) else n.ends for n in self.model.nuisances]
+        low, high = zip(*own, *(self.model.placed[name].knob.bounds for name in names), strict=True)
+        return np.array(low), np.array(high)
 
     def _prior(self, z: Floats, names: Sequence[str]) -> float:
         return 0.5 * float(np.sum(z[: len(z) - len(names)] ** 2))

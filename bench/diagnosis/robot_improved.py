@@ -13,6 +13,7 @@ from sim.effects import Parameter, effect
 from sim.model import Addition, Estimate, with_additions
 from sim.tree import Joint, PhysicalRobot
 
+from .knobs import PUNCH
 from .result import Estimate as Found
 from .robot_effects import Placed
 from .robot_nuisances import RobotNuisance
@@ -28,6 +29,7 @@ PLACES = {
     "gain": ("gain_error", "scale"),
     "late": ("transport_delay", "delay_s"),
     "grip": ("foot_slip", "scale"),
+    PUNCH: ("punch_left_out", "share"),
 }
 
 

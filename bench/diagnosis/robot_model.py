@@ -19,6 +19,8 @@ from busemu.tables import Robot
 from sim.tree import PhysicalRobot
 
 from .journal import Journal
+from .knobs import PUNCH, UNDOCUMENTED
+from .model import has_punch
 from .noise import Block
 from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
@@ -79,6 +81,8 @@ class RobotModel:
         self.features = tuple(Features.of(course, robot) for course in courses)
         self.observed = tuple(Observed(c.name, c.group) for c in courses)
         self.quantum_rad = courses[0].quantum_rad
+        if not undocumented_punch(robot, courses):
+            without = {*without, PUNCH}
         self._trials = [t for t in trials(base) if t.name.split()[0] not in without]
         self.nuisances: tuple[RobotNuisance, ...] = tuple(
             n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without
@@ -257,6 +261,12 @@ class RobotModel:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def undocumented_punch(robot: Robot, courses: Sequence[Course]) -> bool:
+    """Whether servos are told a punch of which nobody says that their position law adds it."""
+    laws = {str(table.drive.get("law")) for table in robot.tables.values()}
+    return laws == {UNDOCUMENTED} and any(has_punch(c.start, *c.events.T[2:]) for c in courses)
 
 
 def _motions(features: Sequence[Features]) -> tuple[int, ...]:

@@ -22,7 +22,7 @@ from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
-from .knobs import WITHIN
+from .knobs import PUNCH, SHARE, WITHIN
 
 Floats = NDArray[np.float64]
 
@@ -47,9 +47,9 @@ class RobotNuisance:
     """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``.
 
     ``trial`` is the replay that shows its trace (none: the base replay tells), ``joint`` the only
-    joint whose rows of it count. ``reach`` is how many deviations it may take; beyond that it is a
-    finding, under one of the names of ``same`` (effects at places): where one of those is on, the
-    nuisance is idle.
+    joint whose rows of it count. ``reach`` is how many deviations it may take, either way unless
+    ``least`` says how few; beyond that it is a finding, under one of the names of ``same`` (effects
+    at places): where one of those is on, the nuisance is idle.
     """
 
     name: str
@@ -60,6 +60,16 @@ class RobotNuisance:
     joint: str = ""
     reach: float = WITHIN
     same: tuple[str, ...] = ()
+    least: float | None = None
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the greatest value [deviations]."""
+        return -self.reach if self.least is None else self.least, self.reach
+
+    def far(self, z: float, share: float) -> bool:
+        """Whether it has gone that share of as far as it may, and so stands in for something."""
+        return self.unit != SHARE and abs(z) > share * self.reach
 
 
 def _drives(segment: str, change: Callable[[DriveParameters, float], DriveParameters]) -> Change:
@@ -125,6 +135,10 @@ def _gain(drive: DriveParameters, x: float) -> DriveParameters:
     return replace(drive, gain_scale=drive.gain_scale * (1.0 + x))
 
 
+def _punch(drive: DriveParameters, x: float) -> DriveParameters:
+    return replace(drive, punch_left_out=drive.punch_left_out + x)
+
+
 def _of_effect(name: str, parameter: str, where: tuple[str, ...], *, over: float = 0.0) -> Change:
     def changed(robot: PhysicalRobot, x: float) -> PhysicalRobot:
         kind = effect(name)
@@ -171,7 +185,8 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
         if trial.name.split()[0] not in ("zero", "torque", "friction"):
             unit, deviation, source = COMMON[trial.name.split()[0]]
             same = SAME.get(trial.name, ())
-            found.append(RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same))
+            one = RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same)
+            found.append(replace(one, reach=1.0, least=0.0) if unit == SHARE else one)
     late = "jitter and turnaround of a bus; assumed"
     found.append(RobotNuisance("sampling", "s", 0.0015, late))
     found.append(RobotNuisance("turn", "(ratio)", 0.15, "when it is a servo's turn; assumed"))
@@ -225,6 +240,7 @@ COMMON = {
     "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
     "motors": ("(ratio)", 0.08, "a make +-10 %, and a stall torque before or after friction: 6 %"),
     "gears": ("(ratio)", 0.15, "friction of one make, warm or cold; assumed"),
+    PUNCH: (SHARE, 1.0, "whether a PID law adds its punch is documented nowhere; assumed"),
 }
 
 #: effects at places that are a nuisance without its prior
@@ -238,6 +254,7 @@ SAME = {
     "late": ("transport_delay@all",),
     "grip": ("foot_slip@all",),
     "motors": ("torque_constant@all",),
+    PUNCH: ("punch@all",),
 }
 
 
@@ -267,6 +284,7 @@ def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
     found.append(Trial("gain", 0.05, _of_all(_gain)))
     found.append(Trial("motors", 0.06, _of_all(_torque)))
     found.append(Trial("gears", 0.2, _of_all(_friction)))
+    found.append(Trial(PUNCH, 0.5, _of_all(_punch)))
     found.append(Trial("late", 0.002, _of_effect("transport_delay", "delay_s", ())))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
     return tuple(found)

@@ -47,7 +47,7 @@ class Screened:
 
 def stretched(every: Sequence[RobotNuisance], z: Floats) -> frozenset[str]:
     """Effects that are a nuisance without its prior, of nuisances that go as far as they may."""
-    far = [n for n, x in zip(every, z.tolist(), strict=True) if abs(x) > STRETCHED * n.reach]
+    far = [n for n, x in zip(every, z.tolist(), strict=True) if n.far(x, STRETCHED)]
     return frozenset(name for nuisance in far for name in nuisance.same)
 
 

@@ -279,8 +279,8 @@ class RobotSearch:
         """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""
         motion = self.model.motion
         some = [r for r in self.which if motion[r] == motion[self.which[0]]]
-        reach = np.array([nuisance.reach for nuisance in self.model.nuisances])
-        held = np.abs(now.nuisances) > AT_END * reach
+        ends = np.array([nuisance.ends for nuisance in self.model.nuisances]).T
+        held = (now.nuisances <= AT_END * ends[0]) | (now.nuisances >= AT_END * ends[1])
         at = np.where(held, now.nuisances, 0.0)
         left = [
             {

@@ -74,7 +74,7 @@ class RobotJudges:
     def at_ends(self, found: RobotFit) -> list[str]:
         """Tolerances of the whole robot that a fit has taken as far as they may go."""
         pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
-        return [n.name for n, z in pairs if n.same and abs(z) > AT_END * n.reach]
+        return [n.name for n, z in pairs if n.same and n.far(z, AT_END)]
 
     def over_noise(self, found: RobotFit, which: Sequence[int]) -> float:
         """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns."""

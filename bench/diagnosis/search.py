@@ -128,14 +128,16 @@ def vectors_to_try(
 ) -> list[Floats]:
     """Vectors with an effect on: of several sizes, and in the place of a nuisance like it.
 
-    Where nuisances have gone as far as they may, they stand in for something else: then an effect
+    Where tolerances have gone as far as they may, they stand in for something else: then an effect
     is tried beside them as they are believed to be, too.
     """
     count = len(model.nuisances)
     far = bounds(model, base.hypothesis)[1][:count] - EDGE
     origins = [base.z]
-    if (np.abs(base.z[:count]) >= far)[far > 0.0].any():
-        origins.append(np.concatenate([np.zeros(count), base.z[count:]]))
+    stands_in = np.array([n.stands_in for n in model.nuisances])
+    if (np.abs(base.z[:count]) >= far)[stands_in & (far > 0.0)].any():
+        believed = np.where(stands_in, 0.0, base.z[:count])
+        origins.append(np.concatenate([believed, base.z[count:]]))
     if effect.name == LETS_GO:
         seen = [(z, overloads(model, base.hypothesis, z, knobs)) for z in origins]
         return [np.concatenate([z, x]) for z, tried in seen for x in (*tried, starts(knobs)[0])]

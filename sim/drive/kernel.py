@@ -82,7 +82,8 @@ WINDING_HEAT_TIME = 40  #: its time constant [s]
 OVERLOAD_DUTY = 41  #: duty that counts as overload, above 1 is never
 OVERLOAD_TIME = 42  #: how long until the drive shuts down [s]
 TORQUE_DROOP = 43  #: how far torque falls behind the current as that grows [1/A]
-PARAMS = 44
+PUNCH_LEFT_OUT = 44  #: share of the command's punch that is left out of the duty
+PARAMS = 45
 FALLING = (  #: those of friction that falls with velocity
     STRIBECK,
     LOAD_MOTOR_STRIBECK,
@@ -296,7 +297,8 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
     integral_gain = commands[INTEGRAL_GAIN, i] + params[INTEGRAL_MORE, i]
     total = states[INTEGRAL, i] + integral_gain * error * tick_s
     states[INTEGRAL, i] = min(limit, max(-limit, total))  # no wind-up beyond full duty
-    duty = sign * (commands[PUNCH, i] + params[PUNCH_MORE, i] + gain * beyond) + states[INTEGRAL, i]
+    punch = (1.0 - params[PUNCH_LEFT_OUT, i]) * commands[PUNCH, i] + params[PUNCH_MORE, i]
+    duty = sign * (punch + gain * beyond) + states[INTEGRAL, i]
     moved = position - states[LAST_POSITION, i]
     damping = commands[DERIVATIVE_GAIN, i] * params[GAIN_SCALE, i]
     return float(duty - damping * moved / tick_s)

@@ -113,6 +113,7 @@ class DriveParameters:
     gain_scale: float = 1.0
     margin_more_rad: float = 0.0
     punch_more: float = 0.0
+    punch_left_out: float = 0.0
     integral_more_per_rad_s: float = 0.0
     velocity_cap_rad_s: float = math.inf
     duty_cap: float = 1.0
@@ -197,6 +198,7 @@ _FIELDS = {
     "gain_scale": kernel.GAIN_SCALE,
     "margin_more_rad": kernel.MARGIN_MORE,
     "punch_more": kernel.PUNCH_MORE,
+    "punch_left_out": kernel.PUNCH_LEFT_OUT,
     "integral_more_per_rad_s": kernel.INTEGRAL_MORE,
     "velocity_cap_rad_s": kernel.VELOCITY_CAP,
     "duty_cap": kernel.DUTY_CAP,

@@ -8,6 +8,7 @@ import pytest
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_fit import Sight
+from bench.diagnosis.robot_nuisances import RobotNuisance
 
 ROWS, NUISANCES = 400, 3
 NOISE_RAD = 1e-3
@@ -24,11 +25,13 @@ SAME = 2  #: the nuisance that is the knob's effect without a name
 class Pretended:
     """One recording: nuisances add up, the knob does it by its square root."""
 
-    def __init__(self, nuisances, knob, noise_rad=NOISE_RAD, seed=1):
+    def __init__(self, nuisances, knob, noise_rad=NOISE_RAD, seed=1, least=None):
         noise = noise_rad * np.random.default_rng(seed).standard_normal(ROWS)
         self.data = TRACES @ np.asarray(nuisances) + self.effect(knob) + noise
         self.nuisances = [
-            SimpleNamespace(name=str(k), reach=REACH, same=("bent",) if k == SAME else ())
+            RobotNuisance(
+                str(k), "", 1.0, "", reach=REACH, same=("bent",) if k == SAME else (), least=least
+            )
             for k in range(NUISANCES)
         ]
         self.placed = {"bent": SimpleNamespace(knob=SimpleNamespace(bounds=BOUNDS))}
@@ -60,6 +63,13 @@ def test_nuisances_are_found_as_far_as_their_priors_let_them():
     found = sight(Pretended(true, 0.0)).fit()
     assert found.nuisances == pytest.approx(true, abs=0.05)
     assert len(found.knobs) == 0
+
+
+def test_a_nuisance_that_goes_one_way_only_goes_no_other():
+    true = np.array([0.5, -1.0, 0.0])
+    found = sight(Pretended(true, 0.0, least=0.0)).fit()
+    assert (found.nuisances >= 0.0).all()
+    assert found.nuisances[1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_knob_is_found_with_its_error():

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bench.diagnosis.knobs import SHARE
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_nuisances import SAME, nuisances
+from bench.diagnosis.robot_nuisances import SAME, RobotNuisance, nuisances
 from bench.diagnosis.robot_screen import (
     A_KIND,
     CONFIRMED,
@@ -75,11 +76,12 @@ def test_every_tolerance_of_the_robot_has_the_name_of_an_effect(name):
 
 def test_a_tolerance_at_its_end_is_tried_by_name_and_no_other():
     some = [
-        SimpleNamespace(reach=2.0, same=("ground_tilt.pitch@all",)),
-        SimpleNamespace(reach=2.0, same=("link_mass@trunk", "payload@all")),
-        SimpleNamespace(reach=4.0, same=()),
+        RobotNuisance("a", "rad", 1.0, "", reach=2.0, same=("ground_tilt.pitch@all",)),
+        RobotNuisance("b", "(ratio)", 1.0, "", reach=2.0, same=("link_mass@trunk", "payload@all")),
+        RobotNuisance("c", "rad", 1.0, "", reach=4.0),
+        RobotNuisance("d", SHARE, 1.0, "", reach=2.0, same=("punch@all",)),
     ]
-    at = np.array([-1.01 * STRETCHED * 2.0, 0.99 * STRETCHED * 2.0, 4.0])
+    at = np.array([-1.01 * STRETCHED * 2.0, 0.99 * STRETCHED * 2.0, 4.0, 2.0])
     assert stretched(some, at) == {"ground_tilt.pitch@all"}
     assert stretched(some, -2.0 * np.sign(at)) == {
         "ground_tilt.pitch@all",

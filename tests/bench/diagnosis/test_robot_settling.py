@@ -9,6 +9,7 @@ import pytest
 from bench.diagnosis.growing import RELIEF
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_nuisances import RobotNuisance
 from bench.diagnosis.robot_search import WORSE
 from bench.diagnosis.robot_settling import FITTED, JUDGED, LITTLE, NO_BETTER, RobotJudges, Squares
 
@@ -43,7 +44,7 @@ def taken_as(*z):
 
 #: three tolerances of a whole robot and one of a joint
 TOLERANCES = tuple(
-    SimpleNamespace(name=name, same=same, reach=2.0)
+    RobotNuisance(name, "(ratio)", 1.0, "", reach=2.0, same=same)
     for name, same in (
         ("mass of the tibiae", ("link_mass@tibia",)),
         ("supply", ("supply_voltage",)),

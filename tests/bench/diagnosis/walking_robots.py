@@ -49,6 +49,11 @@ def walked_with(effects: dict[str, float], seed: int) -> Course:
     known = placed_effects(robot)
     for name, z in effects.items():
         robot = known[name].apply(robot, known[name].knob.value(z))
+    return walked_by(robot, seed)
+
+
+def walked_by(robot: PhysicalRobot, seed: int) -> Course:
+    """The same walk of another robot, from a slightly other start."""
     told = walked()
     track = play(robot, told, Jitter(seed))
     seen = tuple(

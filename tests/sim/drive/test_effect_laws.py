@@ -83,6 +83,13 @@ def test_punch(error: float) -> None:
     assert duties("punch", error, duty=least) == pytest.approx(wanted)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_a_share_of_the_punch_is_left_out(share: float) -> None:
+    told = replay(regulating(0.02, punch_duty=0.1), duration_s=0.1)
+    found = regulated(having("punch_left_out", share=share), told, np.zeros(len(told.samples)))
+    assert found == pytest.approx((1.0 - share) * 0.1 + GAIN_PER_RAD * 0.02)
+
+
 def test_punch_acts_beyond_the_dead_zone_only() -> None:
     command = regulating(0.03, margin_cw_rad=0.05, margin_ccw_rad=0.05)
     told = replay(command, duration_s=0.1)
