@@ -27,6 +27,7 @@ from .robot_replay import course
 from .robot_rest import Rest, rest_of
 from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
 from .robot_settling import RobotJudges
+from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
 
@@ -56,25 +57,31 @@ def diagnose_robot(
     without: Iterable[str] = (),
     on: str = "",
     say: Progress = lambda _: None,
+    tell: Progress | None = None,
     journal: Journal | None = None,
 ) -> RobotDiagnosis:
     """Diagnose a legged robot on recordings that read the positions of all its joints.
 
     ``without`` names effects of the catalogue that may not be named; ``on`` is the day, for the
-    better model. Replays are kept in the ``journal``. Raises
-    :class:`bench.recording.RecordingError`.
+    better model. Replays are kept in the ``journal``. Stages of what may be left undone are said to
+    ``say``, which may raise :class:`OutOfTimeError`, and those that an answer needs to ``tell`` (if
+    None: to ``say`` as well). Raises :class:`bench.recording.RecordingError`, and
+    :class:`OutOfTimeError` where there is no answer yet.
     """
     courses = [course(recording, robot) for recording in (*fitted, *judging)]
     which = list(range(len(fitted)))
     judges = list(range(len(fitted), len(courses)))
     base = read_model(robot)
     with RobotModel(base, robot, courses, say, judging=judges, journal=journal) as model:
-        work = _Work(model, robot, which, judges, on, say)
+        work = Work(model, robot, which, judges, on, say, tell or say)
         return work.diagnosed(frozenset(without))
 
 
-class _Work:
-    """A diagnosis that is being made: some recordings fit, the others (or the same) judge."""
+class Work:
+    """A diagnosis that is being made: some recordings fit, the others (or the same) judge.
+
+    ``say`` and ``tell`` are those of :func:`diagnose_robot`.
+    """
 
     def __init__(
         self,
@@ -84,8 +91,9 @@ class _Work:
         judges: list[int],
         on: str,
         say: Progress,
+        tell: Progress,
     ) -> None:
-        self.model, self.robot, self.say = model, robot, say
+        self.model, self.robot, self.tell = model, robot, tell
         self.which, self.judges, self.held_out = which, judges or which, bool(judges)
         groups = sorted({model.observed[r].group for r in which})
         self.told = f"fitted to recordings {', '.join(groups)}" + (f"; {on}" if on else "")
@@ -94,16 +102,16 @@ class _Work:
 
     def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
         """Search, judge, and say what was found."""
-        model, say = self.model, self.say
+        model = self.model
         base = self.search.believed()
         found, after = self.search.nothing(base), base
         taken: list[RobotGain] = []
         rejected: list[Mapping[str, Any]] = []
         if not self.held.consistent(base):
-            found, taken, after, rejected = self._searched(base, without)
+            found, taken, after, rejected = self.searched(base, without)
         self.held.square(after, sorted({*self.which, *self.judges}))
         rest = rest_of(model, after, self.which, self.judges)
-        say("replaying the recordings that judge")
+        self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after)
         believed = judge(model, self.robot, found.base.nuisances, (), self.judges)
         better = believed
@@ -134,23 +142,25 @@ class _Work:
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 
-    def _searched(
+    def searched(
         self, base: RobotFit, without: frozenset[str]
     ) -> tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
         """What a search found, the names that hold, the fit with them, and those taken back.
 
-        Where the first name is taken back there is a second search without it.
+        Where the first name is taken back there is a second search without it, if there is time.
         """
-        every: list[Mapping[str, Any]] = []
-        while True:
-            enough = self.held.consistent
+        enough = self.held.consistent
+        found = self.search.run(without=without, base=base, enough=enough)
+        taken, after, rejected = self.held.kept(found, self.tell)
+        if not found.taken or found.taken[0] in taken:
+            return found, taken, after, rejected
+        without |= {self.model.placed[found.taken[0].name].effect.name}
+        try:
             found = self.search.run(without=without, base=base, enough=enough)
-            taken, after, rejected = self.held.kept(found, self.say)
-            again = bool(found.taken) and found.taken[0] not in taken and not every
-            every += rejected
-            if not again:
-                return found, taken, after, every
-            without |= {self.model.placed[found.taken[0].name].effect.name}
+        except OutOfTimeError:
+            return found, taken, after, rejected
+        taken, after, more = self.held.kept(found, self.tell)
+        return found, taken, after, [*rejected, *more]
 
     def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
         """Where what is named moves the robot; without a name, where more is left than noise."""
@@ -190,7 +200,7 @@ class _Work:
             causes.append(cause)
             placed.append((self.model.placed[gain.name], cause.parameters))
             if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):
-                self.say(f"what would tell {gain.name} from its rivals")
+                self.tell(f"what would tell {gain.name} from its rivals")
                 nexts += next_experiments(
                     self.model,
                     self.robot,

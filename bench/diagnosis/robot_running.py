@@ -64,6 +64,7 @@ def run_robot(
             without=without,
             on=on.isoformat(),
             say=watch,
+            tell=watch.tell,
             journal=journal,
         )
     except OutOfTimeError as early:

@@ -1,16 +1,18 @@
 """What a run of a whole robot's diagnosis adds to what was found."""
 
 from datetime import date
+from types import SimpleNamespace
 
 import pytest
 
 from bench.diagnosis import robot_running
 from bench.diagnosis.report.telling import cautions, unfinished
 from bench.diagnosis.result import Diagnosis, FitSummary
-from bench.diagnosis.robot_diagnosis import RobotDiagnosis
+from bench.diagnosis.robot_diagnosis import RobotDiagnosis, Work
 from bench.diagnosis.running import Split
-from bench.diagnosis.watch import Watch
+from bench.diagnosis.watch import OutOfTimeError, Watch
 from busemu.tables import load_robot
+from sim.effects import effect
 
 
 @pytest.mark.parametrize("stopped", [None, "step 1: fitting dead_zone@all"])
@@ -36,3 +38,40 @@ def test_a_search_that_time_cut_short_says_so_on_top(stopped, tmp_path, monkeypa
     assert unfinished(answers.diagnosis) is (stopped is not None)
     told = " ".join(cautions(answers.diagnosis))
     assert ("before the search was done" in told) is (stopped is not None)
+
+
+def late(stage):
+    raise OutOfTimeError(stage)
+
+
+@pytest.mark.parametrize("cut", [False, True], ids=["in time", "cut"])
+def test_what_was_found_is_told_whatever_the_time(cut):
+    """Only another search is left out: the first one's name was taken back."""
+    told, searches = [], []
+    model = SimpleNamespace(
+        observed=[SimpleNamespace(name="walk", group="walk")] * 2,
+        floors=dict,
+        placed={name: SimpleNamespace(effect=effect(name)) for name in ("dead_zone", "punch")},
+    )
+    work = Work(model, None, [0], [1], "", late, told.append)
+
+    def run(without, base, enough):
+        if cut and searches:
+            late("replaying effects")
+        searches.append(without)
+        name = "punch" if "dead_zone" in without else "dead_zone"
+        return SimpleNamespace(taken=(SimpleNamespace(name=name),))
+
+    def kept(found, say):
+        say("asking")
+        (gain,) = found.taken
+        taken = [gain] if gain.name == "punch" else []
+        return taken, found, [] if taken else [{"effect": gain.name}]
+
+    work.search = SimpleNamespace(run=run)
+    work.held = SimpleNamespace(consistent=lambda base: False, kept=kept)
+    found, taken, _, rejected = work.searched(None, frozenset())
+    assert [gain.name for gain in taken] == ([] if cut else ["punch"])
+    assert found.taken[0].name == ("dead_zone" if cut else "punch")
+    assert rejected == [{"effect": "dead_zone"}]
+    assert told == ["asking"] * (1 if cut else 2)
