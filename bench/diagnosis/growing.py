@@ -26,12 +26,12 @@ from .search import (
     inside,
     score_outside,
     screen,
+    worth_fitting,
 )
 from .valleys import DEEPER, afresh, explore
 from .watch import OutOfTimeError
 
-SURE, CONFIRMED = 3, 6  #: how many of the screened effects are fitted in a step, at least, at most
-PROMISING = 1.0  #: gain [nats] when screened of those beyond the least
+SURE = 3  #: how many of the screened effects are fitted in a step, at least
 EXPLORED = 2  #: of the confirmed that are fitted further
 PLAIN = 50.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
 PROVISIONAL = 25.0  #: gain [nats, deflated] of an effect that may only lack another beside it
@@ -65,7 +65,7 @@ def grow(
             say(f"step {step + 1}: trying every effect")
             left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
             ranking = screen(model, now, left)
-            ranking = ranking[:SURE] + [r for r in ranking[SURE:CONFIRMED] if r[0] > PROMISING]
+            ranking = worth_fitting(ranking, SURE)
             gains = []
             for _, name, start in ranking:
                 say(f"step {step + 1}: fitting {name}")

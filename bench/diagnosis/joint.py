@@ -16,6 +16,7 @@ from sim.robot import PhysicalRobot
 
 from .beginning import begun
 from .contradiction import supply_contradiction
+from .faint import strained
 from .fit import Fit, block_rms, estimate_noise
 from .floor import noise_floor, tolerance
 from .gear import PLAINLY, believed, sprung
@@ -313,6 +314,11 @@ def _limits(
         for o in model.observed
     ):
         said.append("one position gain in all recordings: gain and torque are hard to tell apart")
+    if strained(model, after):
+        said.append(
+            "tolerances, taken together, are further off than anybody believes: they may stand in "
+            "for something that these recordings do not show"
+        )
     far = [n.name for n, x in zip(model.nuisances, after.z, strict=False) if abs(float(x)) > 3.0]
     if far:
         said.append("taken far outside of what was believed without being named: " + ", ".join(far))

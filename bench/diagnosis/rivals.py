@@ -8,6 +8,7 @@ import numpy as np
 
 from sim.effects import Effect
 
+from .faint import hardly_better
 from .fit import Fit
 from .model import JointModel
 from .result import Rival
@@ -19,6 +20,9 @@ CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
 #: more, by the second, fading with the third [nats]. Of one joint, fitted by eye to 66 names of two
 #: proofs that were opened: true were 2 of 8 below 60 nats, 22 of 30 from 60 to 300, 26 of 28 beyond
 NONE_LEAST, NONE_FAINT, FAINT_NATS = 0.07, 0.6, 60.0
+#: nats (deflated) that a rival is behind at most, where what it leaves is no more than two sound
+#: simulations of the joint differ by; assumed
+AS_GOOD = 2.0
 TEMPER = 0.5  #: of gains, when they become probabilities: see docs on power
 
 
@@ -70,10 +74,17 @@ def contemporaries(
 
 
 def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float, list[Rival]]:
-    """Probability of an effect among some that were fitted in its place, and those close behind."""
+    """Probability of an effect among some that were fitted in its place, and those close behind.
+
+    A likelihood is sure of whatever repeats. Where two differ by less than engines do, that is no
+    more than a hint which of them it is.
+    """
     scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
     own = named.counted(scale) - named.unlikely
     behind = {g.effect: own - (g.counted(scale) - g.unlikely) for g in tried}
+    for gain in tried:
+        if behind[gain.effect] > AS_GOOD and hardly_better([model], gain.fit, named.fit):
+            behind[gain.effect] = AS_GOOD
     probability, others = chances(own, behind)
     close = [
         Rival(other, (model.observed[0].joint,), others[other], nats)

@@ -34,11 +34,17 @@ Progress = Callable[[str], None]
 SIZES = (0.05, 0.2, 0.7, 2.0, 6.0)  #: of amplitudes, in typical sizes, at which an effect is tried
 #: at which it is tried where all of those are worse than none: gains that nobody set, say, add up
 FINER = (0.003, 0.012)
+#: by what the best of these is scaled to see whether another size is better, and how far from it
+GROWN, FARTHER = 1.2, 4.0
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
 STRAYED = 50.0  #: nats that a fit without a group may lose on it, to be a judge there
 HARM = 0.3  #: of the squared noise floor that it may add to another kind, or where it is judged
+#: screened effects that are worth a fit: so many more than the least if they gain so much [nats],
+#: and so many more if they gain so much of the best: of many that are alike, any may be the cause
+MORE, PROMISING = 3, 1.0
+ALIKE, LIKE = 3, 0.5
 NUMBER_NATS = 1.5  #: gain [nats, deflated] that every number of an effect must be worth
 
 
@@ -186,6 +192,16 @@ def screen(
     return ranking
 
 
+def worth_fitting(
+    ranking: Sequence[tuple[float, str, Floats]], least: int
+) -> list[tuple[float, str, Floats]]:
+    """Those of a ranking that are worth a fit, the best first; ``least`` of them at least."""
+    most = least + MORE
+    more = [row for row in ranking[least:most] if row[0] > PROMISING]
+    alike = [row for row in ranking[most : most + ALIKE] if row[0] > LIKE * ranking[0][0]]
+    return [*ranking[:least], *more, *(alike if len(more) == MORE else [])]
+
+
 def _ranking(
     model: JointModel, base: Fit, effects: Iterable[Effect], which: Sequence[int] | None
 ) -> list[tuple[float, str, Floats]]:
@@ -209,15 +225,40 @@ def _ranking(
 
     before = left(residual)
 
+    def rows(hypothesis: Hypothesis, tries: Sequence[Floats]) -> list[Floats]:
+        return [
+            np.concatenate(
+                [
+                    whiten(b, base.noise[key[1]], b.value[:, None])[0][:, 0]
+                    for key, b in blocks.items()
+                ]
+            )
+            for blocks in model.residuals(hypothesis, tries, which)
+        ]
+
     def tried(hypothesis: Hypothesis, tries: Sequence[Floats]) -> Iterator[tuple[float, Floats]]:
-        found = model.residuals(hypothesis, tries, which)
-        for x, blocks in zip(tries, found, strict=True):
-            rows = [
-                whiten(b, base.noise[key[1]], b.value[:, None])[0][:, 0]
-                for key, b in blocks.items()
-            ]
-            gain = 0.5 * len(residual) * float(np.log(before / left(np.concatenate(rows))))
+        for x, row in zip(tries, rows(hypothesis, tries), strict=True):
+            gain = 0.5 * len(residual) * float(np.log(before / left(row)))
             yield gain + 0.5 * float(np.sum(base.z[:count] ** 2) - np.sum(x[:count] ** 2)), x
+
+    def better(hypothesis: Hypothesis, x: Floats) -> list[Floats]:
+        """The same with its sizes scaled as one step of least squares would."""
+        k = np.array([count + i for i, q in enumerate(hypothesis.knobs) if not q.parameter.shape])
+        k = k[k >= len(base.z)]
+        more = x.copy()
+        more[k] *= GROWN
+        now, then = rows(hypothesis, [x, more])
+        slope = (then - now) / (GROWN - 1.0)
+        slope -= tangents @ np.linalg.solve(normal, tangents.T @ (weight * slope))
+        now = now - tangents @ np.linalg.solve(normal, tangents.T @ (weight * now) + prior * moved)
+        bend = float(slope @ (weight * slope))
+        if bend <= 0.0:
+            return []
+        scale = 1.0 - float(slope @ (weight * now)) / bend
+        ends = np.array([q.bounds for q in hypothesis.knobs])[k - count]
+        scaled = x.copy()
+        scaled[k] = np.clip(scaled[k] * min(FARTHER, max(1.0 / FARTHER, scale)), *ends.T)
+        return [scaled]
 
     ranking = []
     for effect in effects:
@@ -230,6 +271,9 @@ def _ranking(
             if best[0] <= 0.0 and (some is SIZES or not times(knobs)):
                 tries = vectors_to_try(model, base, effect, knobs, some)
                 best = max([best, *tried(hypothesis, tries)], key=lambda pair: pair[0])
+        best = max(
+            [best, *tried(hypothesis, better(hypothesis, best[1]))], key=lambda pair: pair[0]
+        )
         ranking.append((best[0], effect.name, best[1]))
     return sorted(ranking, key=lambda row: -row[0])
 

@@ -91,7 +91,8 @@ def settle(
     """Search, and take names back until nothing speaks against those that are left.
 
     ``judge`` has the recordings that were not used to fit, if there are any. After the first name
-    that is taken back there is a second search without it; then names are only taken back.
+    that is taken back there is a second search without it; then names are only taken back. Where no
+    name is left, the fit is the deeper of those without one.
     """
     rejected: list[Mapping[str, Any]] = []
     needed = 0.0
@@ -108,6 +109,8 @@ def settle(
         if denied is None:
             denied = _little(model, judge or model, before, after, parts, floor)
         if denied is None:
+            if not taken:
+                after = min(before, after, key=lambda found: found.cost)
             return Settled(after, taken, confirmed, effects, rejected)
         needed = max(needed, denied.needed)
         name = denied.gain.effect

@@ -2,8 +2,18 @@
 
 import numpy as np
 import pytest
+from pendulum_logs import logs, model_of
 
-from bench.diagnosis.faint import ONCE, READ, SHARE, SHARED, faint, within_a_tick
+from bench.diagnosis.faint import (
+    ONCE,
+    READ,
+    SHARE,
+    SHARED,
+    changes_little,
+    faint,
+    strained,
+    within_a_tick,
+)
 from bench.diagnosis.fit import Fit
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, Kind
@@ -51,3 +61,20 @@ def test_a_time_of_less_than_a_tick_is_no_name(name, value, expected):
     knobs = effect_knobs(effect(name))
     z = np.append(np.zeros(2), [knobs[0].at(value), *[0.0] * (len(knobs) - 1)])
     assert within_a_tick(Fit(Hypothesis(knobs), z, {}, 0.0), 2, name) is expected
+
+
+def test_what_takes_a_strain_off_tolerances_is_no_faint_name(monkeypatch):
+    """Recordings are followed as well without it, but only by tolerances that nobody believes."""
+    model = model_of(logs(motions=("slow",), duration_s=0.3))
+    ends = np.array([n.ends[1] for n in model.nuisances])
+    idle = np.array([n.name in model.idle(Hypothesis()) for n in model.nuisances])
+    far, usual = np.where(idle, 0.0, 0.9 * ends), np.where(idle, 0.0, 0.2 * ends)
+    knobs = effect_knobs(effect("gain_error"))
+    stretched, eased = (Fit(Hypothesis(), z, {}, 0.0) for z in (far, usual))
+    named, named_far = (Fit(Hypothesis(knobs), np.append(z, 0.0), {}, 0.0) for z in (usual, far))
+    assert strained(model, stretched)
+    assert not strained(model, eased)
+    monkeypatch.setattr("bench.diagnosis.faint.hardly_better", lambda *_: True)
+    assert not changes_little([model], stretched, named, "gain_error")
+    assert changes_little([model], eased, named, "gain_error")
+    assert changes_little([model], stretched, named_far, "gain_error")

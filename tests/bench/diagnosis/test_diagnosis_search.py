@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, POSITION, logs, model_of
 
-from bench.diagnosis.fit import Score, fit
+from bench.diagnosis.fit import Fit, Score, fit
 from bench.diagnosis.floor import tolerance
 from bench.diagnosis.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.rivals import CLOSE, NONE_LEAST, _among, contemporaries, rivals
+from bench.diagnosis.rivals import AS_GOOD, CLOSE, NONE_LEAST, _among, contemporaries, rivals
 from bench.diagnosis.running import (
     HELD_OUT_OF,
     LEAST_GROUPS,
@@ -31,6 +31,7 @@ from bench.diagnosis.search import (
     screen,
     starts,
     vectors_to_try,
+    worth_fitting,
 )
 from sim.effects import effect
 from sim.stepped import TICK_S
@@ -112,6 +113,18 @@ def test_a_faint_gain_is_stated_with_less_and_none_with_certainty():
     assert told == sorted(told)
     assert told[0] < 0.5
     assert told[2] == pytest.approx(1.0 - NONE_LEAST)
+
+
+@pytest.mark.parametrize("hardly", [True, False])
+def test_a_rival_that_leaves_no_more_than_engines_differ_by_is_close(monkeypatch, hardly):
+    """However sure the likelihood is, which counts what repeats."""
+    model = model_of(logs(motions=["slow"]))
+    named, other = sized("gain_error", 0.0, 1000.0), sized("dead_zone", 0.0, 900.0)
+    monkeypatch.setattr("bench.diagnosis.rivals.hardly_better", lambda *_: hardly)
+    probability, close = _among(model, named, [other])
+    assert [rival.effect for rival in close] == (["dead_zone"] if hardly else [])
+    assert [rival.behind_nats for rival in close] == ([AS_GOOD] if hardly else [])
+    assert (probability < 0.75) is hardly
 
 
 def test_two_names_for_one_thing_are_rivals_of_like_probability():
@@ -362,6 +375,28 @@ def test_an_effect_that_shows_at_a_hundredth_of_its_typical_size_is_screened_the
     assert name == "integral_action"
     assert best > 0.0
     assert 0.0 < knob.value(float(start[-1])) < 2.0 * 0.03
+
+
+@pytest.mark.parametrize("margin_rad", [0.006, 0.009])
+def test_a_size_between_those_tried_is_screened_where_it_is(margin_rad):
+    """4 and 12 mrad are tried."""
+    model = model_of(logs({"dead_zone": {"margin_rad": margin_rad}}))
+    none = Fit(Hypothesis(), np.zeros(len(model.nuisances)), base_of(model).noise, 0.0)
+    ((_, _, start),) = screen(model, none, [effect("dead_zone")])
+    (knob,) = effect_knobs(effect("dead_zone"))
+    assert knob.value(float(start[-1])) == pytest.approx(margin_rad, rel=0.2)
+
+
+def test_of_many_effects_that_are_alike_more_are_worth_a_fit():
+    def rows(*gains):
+        return [(gain, f"effect{k}", np.zeros(0)) for k, gain in enumerate(gains)]
+
+    apart = rows(100.0, 50.0, 40.0, 30.0, 20.0, 10.0, 5.0, 4.0, 0.5)
+    alike = rows(100.0, 95.0, 90.0, 85.0, 80.0, 75.0, 70.0, 65.0, 45.0)
+    none = rows(0.5, 0.4, 0.3, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1)
+    assert worth_fitting(apart, 3) == apart[:6]
+    assert worth_fitting(alike, 3) == alike[:8]
+    assert worth_fitting(none, 3) == none[:3]
 
 
 def test_a_time_is_not_screened_below_a_tick_of_the_firmware(monkeypatch):
