@@ -61,7 +61,7 @@ class _Check:
     def times(self) -> None:
         if (row := _first(~np.isfinite(self.t_s))) is not None:
             self.refuse(row, f"t_s {self.t_s[row]} is no time: every access has one, in seconds")
-        if (before := _first(np.diff(self.t_s) < 0.0)) is not None:
+        if (before := _first(self.t_s[1:] < self.t_s[:-1])) is not None:
             row = before + 1
             self.refuse(
                 row,

@@ -95,6 +95,13 @@ def test_any_recording_round_trips_through_both_encodings(tmp_path, rows, more):
         assert same_bits(taken, read(write(taken, tmp_path / name)))
 
 
+def test_times_as_far_apart_as_can_be_are_sorted(tmp_path):
+    """More seconds lie between them than a number can tell."""
+    far = sys.float_info.max
+    taken = Recording.of([write_row(-far, 3, 512), write_row(far, 3, 512)], MARVIN)
+    assert same_bits(taken, read(write(taken, tmp_path / "walk.parquet")))
+
+
 def test_parquet_carries_the_metadata_as_toml_under_its_key(tmp_path):
     path = write(sample(), tmp_path / "walk.parquet")
     text = pq.read_schema(path).metadata[b"busemu-recording"].decode()
