@@ -28,7 +28,7 @@ from .case import Asked, Kind
 from .drafts import Draft, draft
 from .measure import Measured
 from .scenes import Plan
-from .seal import SealError, digest, seal, unseal
+from .seal import SealError, check_secret, digest, seal, unseal
 
 CASE_FORMAT, KEY_FORMAT = "busemu-case/1", "busemu-key/1"
 
@@ -43,6 +43,7 @@ def write_case(directory: str | Path, seed: int, secret: str, asked: Asked | Non
     folder = Path(directory)
     if folder.exists():
         raise FileExistsError(f"{folder}: is there already: take another name")
+    check_secret(secret)
     asked = asked or Asked()
     case = draft(seed, asked)
     part = folder.with_name(f".{folder.name}.part")

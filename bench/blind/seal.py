@@ -21,10 +21,15 @@ def _box(secret: str, case: str) -> Fernet:
     return Fernet(base64.urlsafe_b64encode(derived))
 
 
-def seal(content: bytes, secret: str, case: str) -> bytes:
-    """Encrypt for a case; ``secret`` must be long and random."""
+def check_secret(secret: str) -> None:
+    """Raise :class:`SealError` for a secret that is too short."""
     if len(secret) < 16:
         raise SealError("the secret is shorter than 16 characters: take a long random one")
+
+
+def seal(content: bytes, secret: str, case: str) -> bytes:
+    """Encrypt for a case; ``secret`` must be long and random."""
+    check_secret(secret)
     return _box(secret, case).encrypt(content)
 
 
