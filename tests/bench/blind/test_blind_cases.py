@@ -30,6 +30,7 @@ from bench.blind.case import STRUCK, THERE, expected_failures
 from bench.blind.changes import Setting
 from bench.blind.conceal import disguise
 from bench.blind.effects import EFFECTS, POSITION
+from bench.blind.imitation import Left
 from bench.blind.mimic import ALIKE, nearest_rival
 from bench.blind.rigs import RIGS
 from bench.blind.sizing import Key, noise_floor, observe, rms, size_for
@@ -58,19 +59,30 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def null(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_case(tmp_path_factory.mktemp("nulls") / "null", 3, SECRET, NULL)
+
+
+@pytest.fixture
+def nothing_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left of an effect takes long to find, and has tests of its own."""
+    monkeypatch.setattr(bench.blind.drafts, "left_of", lambda *_: Left(0.0, {}))
+
+
+@pytest.fixture(scope="module")
 def key(folder: Path) -> dict[str, Any]:
     return open_key(folder, SECRET)
 
 
-def test_same_seed_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+def test_same_seed_gives_the_same_bytes(folder: Path, null: Path, tmp_path: Path) -> None:
     again = write_case(tmp_path / folder.name, 7, SECRET, WISH)
     files = sorted(p.relative_to(folder) for p in folder.rglob("*") if p.is_file())
     assert len(files) == 4 + 10
     for file in files:
         if file.suffix != ".sealed":  # a seal has its own time and salt
             assert (again / file).read_bytes() == (folder / file).read_bytes(), file
-    other = write_case(tmp_path / "other", 8, SECRET, WISH)
-    assert read_public(other)["key_sha256"] != read_public(folder)["key_sha256"]
+    other = write_case(tmp_path / null.name, 4, SECRET, NULL)
+    assert read_public(other)["key_sha256"] != read_public(null)["key_sha256"]
 
 
 def test_key_does_not_open_without_the_secret(folder: Path) -> None:
@@ -123,8 +135,7 @@ def test_open_files_hold_no_truth(folder: Path, key: dict[str, Any]) -> None:
     assert "seed" not in words
 
 
-def test_robot_file_of_a_case_is_that_of_a_null(folder: Path, tmp_path: Path) -> None:
-    null = write_case(tmp_path / "null", 3, SECRET, NULL)
+def test_robot_file_of_a_case_is_that_of_a_null(folder: Path, null: Path) -> None:
     assert (null / "robot.toml").read_bytes() == (folder / "robot.toml").read_bytes()
     assert open_key(null, SECRET)["effects"] == []
 
@@ -192,7 +203,7 @@ def test_case_that_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Monk
 
     monkeypatch.setattr(bench.blind.drafts, "robot_toml", fail)
     with pytest.raises(KeyboardInterrupt):
-        write_case(tmp_path / "half", 7, SECRET, WISH)
+        write_case(tmp_path / "half", 7, SECRET, NULL)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -226,6 +237,7 @@ def test_kinds_have_their_number_of_effects() -> None:
         draw(5, Asked(kind="pair", effects=("punch",)))
 
 
+@pytest.mark.usefixtures("nothing_left")
 def test_deleted_case_names_what_the_catalogue_lacks(tmp_path: Path) -> None:
     wish = Asked(kind="deleted", effects=("punch",), ratio=3.0, rig="xl330-pendulum", style="slow")
     folder = write_case(tmp_path / "deleted", 2, SECRET, wish)
@@ -298,6 +310,7 @@ def test_an_effect_that_a_mask_takes_away_is_drawn_anew(monkeypatch: pytest.Monk
         draw(3, wish)
 
 
+@pytest.mark.usefixtures("nothing_left")
 def test_mimicked_case_names_its_rival(tmp_path: Path) -> None:
     wish = Asked(
         kind="single",

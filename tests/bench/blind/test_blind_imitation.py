@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bench.blind import Asked, draw, imitation
+from bench.blind import Asked, draw, imitation, rigs
 from bench.blind.case import Case
 from bench.blind.drafts import JointDraft
 from bench.blind.imitation import Left, least, left_of
@@ -19,7 +20,7 @@ from bench.blind.specimen import SIMPLEST
 
 Floats = NDArray[np.float64]
 
-GROUND = {"rig": "xl330-pendulum", "programme": "slow", "style": "slow"}
+GROUND = {"rig": "xl330-pendulum", "programme": "short", "style": "slow"}
 
 
 def case_of(*effects: str, ratio: float, concealment: str = "plain", seed: int = 5) -> Case:
@@ -46,6 +47,27 @@ def seen(case: Case) -> Floats:
             if run.group not in where.programme.held_out
         ]
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short() -> Iterator[None]:
+    """A programme of two slow motions: what is left is sought with dozens of rollouts of each."""
+    usual = rigs._programmes
+
+    def programmes(rig: rigs.Rig) -> tuple[rigs.Programme, ...]:
+        every = usual(rig)
+        (slow,) = (p for p in every if p.name == "slow")
+        kept = (r for r in slow.runs if r.group not in ("dither-stiff", "hold-heavy"))
+        return *every, dataclasses.replace(slow, name="short", runs=tuple(map(halved, kept)))
+
+    def halved(run: rigs.Run) -> rigs.Run:
+        motion = run.plan.motion
+        motion = dataclasses.replace(motion, duration_s=0.5 * motion.duration_s)
+        return dataclasses.replace(run, plan=dataclasses.replace(run.plan, motion=motion))
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(rigs, "_programmes", programmes)
+        yield
 
 
 @pytest.fixture(scope="module")
