@@ -29,6 +29,7 @@ READY.set_forkserver_preload(
         "bench.experiments",
         "bench.diagnosis.running",
         "bench.gaits.search",
+        "bench.proof.report",
     ]
 )
 

@@ -3,11 +3,11 @@
 import csv
 import json
 import re
-import subprocess
-import sys
+import shutil
 
 import pytest
 from judged_cases import cause, diagnosis, effect, judged, key
+from programs import busemu
 from sealed_cases import delayed_proof, small_proof
 
 from bench.blind import Kind
@@ -22,8 +22,7 @@ from bench.proof.scoring import GOALS, RULES
 
 def prove(*words):
     """``busemu prove`` as a person types it."""
-    command = (sys.executable, "-c", "from busemu.cli import main; main()", "prove", *words)
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return busemu("prove", *words, timeout_s=900.0)
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +63,11 @@ def test_the_second_round_is_not_run_again(ambiguous):
     assert list(active.run()) == [(1, 2), (2, 2)]  # as many as there are, at once
 
 
-def test_the_second_round_comes_before_the_keys_are_opened(tmp_path):
-    proof = delayed_proof(tmp_path / "proof", "ambiguous")
-    proof.prepare()
-    proof.write()
-    published = proof.publish()
-    list(proof.answer())
-    write_score(proof, 9, published)
+def test_the_second_round_comes_before_the_keys_are_opened(ambiguous, tmp_path):
+    scored, _, _, _ = ambiguous
+    without = shutil.ignore_patterns("active")
+    folder = shutil.copytree(scored.folder, tmp_path / "proof", ignore=without)
+    proof = delayed_proof(folder, "ambiguous")
     with pytest.raises(ProofError, match="--active comes before"):
         list(Active(proof, seed=9).run())
 
