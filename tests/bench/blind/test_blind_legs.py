@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from bench.blind import (
     Asked,
@@ -23,13 +25,14 @@ from bench.blind.drives import Electrics
 from bench.blind.legged import Body, document, said
 from bench.blind.legged_effects import LEGGED, Where, Whole
 from bench.blind.legs import GRAVITY_M_S2, LegsPlant
-from bench.blind.scenes import LEG, OBSERVE_S, POSTURE, SCENES, Group, Scene, play
+from bench.blind.scenes import LEG, OBSERVE_S, POSTURE, SCENES, Group, Plan, Scene, play
 from bench.motions import ExperimentPlan, WalkPlan, motion
 from bench.recording import read
 from busemu.plant import DriveCommand
 from busemu.tables import load_robot
 
 SECRET = "a secret that is long enough"
+Floats = NDArray[np.float64]
 ROBOTS = ("marvin", "phantomx")
 
 
@@ -81,7 +84,7 @@ def test_the_share_in_stance_is_of_squares_while_walking() -> None:
 
 
 def test_soft_tips_move_joints_that_stand(monkeypatch: pytest.MonkeyPatch) -> None:
-    walk = (Group("straight", WalkPlan(seconds=2.0)),)
+    walk = (Group("straight", WalkPlan(seconds=1.0)),)
     scene = Scene("short-walk", "marvin", "ground", walk, (), ("straight",))
     monkeypatch.setattr(legged_sizing, "SCENES", {scene.name: scene})
     effect = LEGGED["foot_compliance"]
@@ -150,19 +153,25 @@ def test_play_and_spring_add_up_at_the_sensor() -> None:
     assert plant.sample(mount.servo_id).position_rad == pytest.approx(mount.to_servo(sum(parts)))
 
 
+@cache
+def as_believed(name: str) -> tuple[Plan, Whole, Floats]:
+    """A short plan of a scene, the robot in it as it is believed to be, and its trace."""
+    plan: Plan = WalkPlan(seconds=0.4)
+    if name == "marvin-leg":
+        fast = motion("steps", amplitude_rad=0.45, center_rad=0.5, duration_s=1.2)
+        plan = ExperimentPlan(fast, joint=f"{LEG}.femur")
+    base = legged_sizing.believed(SCENES[name], plan)
+    return plan, base, play(SCENES[name], plan, base.body, base.electrics).track_rad
+
+
 @pytest.mark.parametrize("name", LEGGED)
 def test_legged_effect_moves_the_trace(name: str) -> None:
     effect = LEGGED[name]
     scene = SCENES["marvin-leg" if effect.standing else "marvin-walk"]
-    plan: ExperimentPlan | WalkPlan = WalkPlan(seconds=0.4)
-    if effect.standing:
-        fast = motion("steps", amplitude_rad=0.45, center_rad=0.5, duration_s=1.2)
-        plan = ExperimentPlan(fast, joint=f"{LEG}.femur")
-    base = legged_sizing.believed(scene, plan)
+    plan, base, still = as_believed(scene.name)
     legs = tuple(leg["name"] for leg in scene.robot.document["leg"])
     size = 0.5 * (effect.typical + effect.most)
     changed, truth = effect.apply(base, size, Where(1, legs))
-    still = play(scene, plan, base.body, base.electrics).track_rad
     moved = play(scene, plan, changed.body, changed.electrics).track_rad
     n = min(len(still), len(moved))
     step_rad = next(iter(scene.robot.tables.values()))["present_position"].si_scale
