@@ -18,7 +18,7 @@ from busemu.tables import load_robot
 from hal.cpg import LocomotionController
 from hal.legs import Legs
 
-SECONDS = 7.0
+SECONDS = 6.0
 
 
 @pytest.fixture(scope="module", params=["marvin", "phantomx"])

@@ -6,6 +6,7 @@ from bench.diagnosis.robot_judging import rmse_rad
 from bench.experiments.locomotion_result import TORQUE_LIMIT
 from bench.gaits.candidate import Candidate
 from bench.motions import WalkPlan
+from bench.studies import loop_gaits
 from bench.studies.loop import FITTED, JUDGING, UNSEEN, compared, emulated, hidden, lines
 from bench.studies.loop_gaits import really
 from bench.studies.stance_runs import Cause
@@ -67,7 +68,8 @@ def test_the_result_in_words_has_all_numbers():
         assert word in told
 
 
-def test_the_robot_itself_walks_a_gait_that_was_found():
+def test_the_robot_itself_walks_a_gait_that_was_found(monkeypatch):
+    monkeypatch.setattr(loop_gaits, "CHECK_S", 5.0)
     original = Candidate.original(load_robot("marvin"))
     one = really(hidden(1), original, seed=0)
     assert not one.fell
