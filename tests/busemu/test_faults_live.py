@@ -15,7 +15,7 @@ import pytest
 import serial
 from dynamixel_sdk import PacketHandler, PortHandler
 from fault_bench import FaultBench
-from programs import until
+from programs import busemu, until
 from pty_server import serving
 from virtual_bus import OK, TIMEOUT, XL
 
@@ -48,8 +48,7 @@ def answers(port, servo_id=1):
 
 def fault(*words):
     """Run `busemu fault`; its exit code and what it said."""
-    command = [sys.executable, "-m", "busemu", "fault", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = busemu("fault", *words, timeout_s=60.0)
     return done.returncode, done.stdout + done.stderr
 
 

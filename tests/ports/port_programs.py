@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from programs import PATIENCE_S, until
+from programs import PATIENCE_S, busemu, until
 
 OK, TIMEOUT = 0, -3001
 IDS = list(range(1, 19))
@@ -78,13 +78,7 @@ def meets(wanted: object, attempt: Callable[[], object]) -> bool:
 
 def refused(*words: object) -> str:
     """The one line of a command that is refused."""
-    ran = subprocess.run(
-        [sys.executable, "-m", "busemu", *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    ran = busemu(*words, timeout_s=PATIENCE_S)
     assert ran.returncode == 1, ran.stdout + ran.stderr
     assert ran.stdout == ""
     (line,) = ran.stderr.splitlines()

@@ -1,12 +1,10 @@
 """``busemu tables``: the command that prints control tables."""
 
-import subprocess
-import sys
+from programs import busemu
 
 
 def tables(*words):
-    command = [sys.executable, "-m", "busemu", "tables", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return busemu("tables", *words)
 
 
 def test_without_a_model_it_lists_them():
