@@ -6,12 +6,14 @@ import dataclasses
 import json
 import math
 import shutil
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from short_programmes import short
 
 import bench.blind.case
 import bench.blind.cases
@@ -47,10 +49,16 @@ WISH = Asked(
     ratio=8.0,
     concealment="plain",
     rig="xl330-turntable",
-    programme="fast",
+    programme="short fast",
     disguise=False,
 )
-NULL = Asked(kind="null", rig="xl330-turntable", programme="fast", style="fast")
+NULL = Asked(kind="null", rig="xl330-turntable", programme="short fast", style="fast")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_programme() -> Iterator[None]:
+    with short("fast"):
+        yield
 
 
 @pytest.fixture(scope="module")

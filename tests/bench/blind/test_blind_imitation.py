@@ -9,8 +9,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from short_programmes import short
 
-from bench.blind import Asked, draw, imitation, rigs
+from bench.blind import Asked, draw, imitation
 from bench.blind.case import Case
 from bench.blind.drafts import JointDraft
 from bench.blind.imitation import Left, least, left_of
@@ -20,7 +21,7 @@ from bench.blind.specimen import SIMPLEST
 
 Floats = NDArray[np.float64]
 
-GROUND = {"rig": "xl330-pendulum", "programme": "short", "style": "slow"}
+GROUND = {"rig": "xl330-pendulum", "programme": "short slow", "style": "slow"}
 
 
 def case_of(*effects: str, ratio: float, concealment: str = "plain", seed: int = 5) -> Case:
@@ -50,23 +51,8 @@ def seen(case: Case) -> Floats:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def short() -> Iterator[None]:
-    """A programme of two slow motions: what is left is sought with dozens of rollouts of each."""
-    usual = rigs._programmes
-
-    def programmes(rig: rigs.Rig) -> tuple[rigs.Programme, ...]:
-        every = usual(rig)
-        (slow,) = (p for p in every if p.name == "slow")
-        kept = (r for r in slow.runs if r.group not in ("dither-stiff", "hold-heavy"))
-        return *every, dataclasses.replace(slow, name="short", runs=tuple(map(halved, kept)))
-
-    def halved(run: rigs.Run) -> rigs.Run:
-        motion = run.plan.motion
-        motion = dataclasses.replace(motion, duration_s=0.5 * motion.duration_s)
-        return dataclasses.replace(run, plan=dataclasses.replace(run.plan, motion=motion))
-
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(rigs, "_programmes", programmes)
+def short_programme() -> Iterator[None]:
+    with short("slow", without=("dither-stiff", "hold-heavy")):
         yield
 
 
