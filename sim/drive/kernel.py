@@ -254,14 +254,13 @@ def motor_torque(t: Train, current: float) -> float:
 @inlined
 def gear_torque(t: Train, twist: float, twist_rate: float) -> float:
     """Torque of the rotor on the output shaft [N m] at a twist of the gear [rad, rad/s]."""
-    if t.half_backlash > 0.0:
-        if twist > t.half_backlash:
-            twist -= t.half_backlash
-        elif twist < -t.half_backlash:
-            twist += t.half_backlash
-        else:
-            return 0.0
-    return float(t.stiffness * twist + t.damping * twist_rate)
+    torque = t.stiffness * twist + t.damping * twist_rate
+    if t.half_backlash > 0.0:  # a flank pushes, and is never pulled at
+        play = t.stiffness * t.half_backlash
+        torque = max(0.0, torque - play) if twist > 0.0 else min(0.0, torque + play)
+        if abs(twist) < t.half_backlash:
+            torque = 0.0
+    return float(torque)
 
 
 @inlined

@@ -29,7 +29,7 @@ EFFECT = Effect(
     group=Group.GEAR,
     scope=Scope.JOINT,
     enters="drive",
-    equation="gear torque = 0 while |twist| < width / 2",
+    equation="gear torque = 0 while |twist| < width / 2; beyond, teeth push and never pull",
     source="dead zone between two masses, Nordin and Gutman, Automatica 38 (2002)",
     parameters=(
         Parameter(

@@ -28,7 +28,7 @@ from one_joint_rigs import (
 )
 from scipy.optimize import brentq
 
-from sim.drive import lanes
+from sim.drive import kernel, lanes
 from sim.drive.parameters import DriveParameters, Friction
 from sim.effects import effect
 from sim.rollout import Candidate, Load
@@ -423,6 +423,28 @@ def test_backlash() -> None:
         pull = GRAVITY_NM * np.linspace(1.0, -1.0, len(angle))[k]
         wanted = math.copysign(0.5 * width, pull) + pull / 200.0
         assert angle[k] == pytest.approx(wanted, abs=0.02 * width)
+
+
+@pytest.mark.parametrize(
+    ("twist_rad", "rate_rad_s", "expected_nm"),
+    [
+        (0.012, 0.0, 0.2),
+        (0.012, 0.3, 0.5),  # damped as it is pressed,
+        (0.012, -0.1, 0.1),  # and as it lets go,
+        (0.012, -0.3, 0.0),  # but not held back
+        (-0.012, 0.3, 0.0),
+        (-0.012, -0.3, -0.5),
+        (0.009, 5.0, 0.0),  # within the play
+        (-0.009, -5.0, 0.0),
+    ],
+)
+def test_a_flank_pushes_and_is_never_pulled_at(
+    twist_rad: float, rate_rad_s: float, expected_nm: float
+) -> None:
+    none = dict.fromkeys(kernel.Train._fields, 0.0) | {"slow": False}
+    teeth = kernel.Train(**none)._replace(stiffness=100.0, damping=1.0, half_backlash=0.01)
+    torque_nm = kernel.gear_torque(teeth, twist_rad, rate_rad_s)
+    assert torque_nm == pytest.approx(expected_nm, abs=1e-12)
 
 
 def test_the_teeth_of_a_rigid_gear_touch() -> None:
