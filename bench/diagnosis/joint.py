@@ -41,6 +41,11 @@ from .watch import Watch
 Floats = NDArray[np.float64]
 
 SIGNIFICANT = 0.05
+AFTER_ALL = (
+    "recordings that were held out differ as no other does; {} of them were fitted after all, so "
+    "that what was found is judged on the same motions alone"
+)
+UNLIKE = 2.0  #: times what is left where it was fitted, of recordings that no other is like
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,14 +84,14 @@ def diagnose_joint(
     renewed = load_refresh(observed, believed_refresh_s(robot, observed[0].joint))
     period_s = renewed.parameters["period_s"].value if renewed else None
     watch.tell("fitting what the operator believes")
-    rigid = believed(base, robot, observed, journal, period_s)
-    view = _looked_at(*rigid, judged, effects, watch)
-    if GEARS & set(view.settled.thought_of) and watch.stopped is None:
-        watch.tell("the gear as the robot file has it")
-        if (other := sprung(rigid[0])) is not None:
-            again = _looked_at(*other, judged, effects, watch)
-            if again.settled.after.cost < view.settled.after.cost + PLAINLY:
-                view = again
+    joint = _Joint(base, robot, effects, journal, period_s, watch)
+    view = joint.look(observed, judged)
+    added = () if watch.stopped is not None else unlike(view)
+    if added:
+        watch.tell("recordings that were held out differ as no other does: some are fitted, too")
+        judged = [one for one in judged if one.name not in added]
+        observed = [*observed, *(one for one in view.judge.observed if one.name in added)]
+        view = joint.look(observed, judged)
     model, before, judge, settled = view.model, view.before, view.judge, view.settled
     start_blocks, floor, floors = view.start, view.floor, view.floors
     tell = watch.tell
@@ -148,6 +153,7 @@ def diagnose_joint(
         next_experiment=tuple(nexts),
         limits=(
             *_limits(model, after, {kind for _, kind in start_blocks}, watch),
+            *((AFTER_ALL.format(", ".join(sorted(added))),) if added else ()),
             *((pushed.words,) if pushed is not None else ()),
         ),
         rejected=tuple(rejected),
@@ -189,7 +195,7 @@ def diagnose_joint(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _View:
+class View:
     """A joint with one gear or another, and what is found with it."""
 
     model: JointModel
@@ -201,21 +207,61 @@ class _View:
     settled: Settled
 
 
-def _looked_at(
-    model: JointModel,
-    before: Fit,
-    judged: Sequence[Observed],
-    effects: Mapping[str, Effect],
-    watch: Watch,
-) -> _View:
-    judge = model.of(judged) if judged else model
-    start = model.residuals(Hypothesis(), [before.z])[0]
-    floor = noise_floor(model.observed, start)
-    floors = {kind: noise.total for kind, noise in before.noise.items()} | {
-        Kind.POSITION: tolerance(floor)
-    }
-    settled = settle(model, judge if judged else None, before, effects, floor, floors, watch)
-    return _View(model, before, judge, start, floor, floors, settled)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Joint:
+    """What a search for causes starts from, whichever recordings are fitted."""
+
+    base: PhysicalRobot
+    robot: Robot
+    effects: Mapping[str, Effect]
+    journal: Journal | None
+    refresh_s: float | None
+    watch: Watch
+
+    def look(self, observed: Sequence[Observed], judged: Sequence[Observed]) -> View:
+        """What is found in some recordings, with the gear that follows them."""
+        rigid = believed(self.base, self.robot, observed, self.journal, self.refresh_s)
+        view = self._with(*rigid, judged)
+        if GEARS & set(view.settled.thought_of) and self.watch.stopped is None:
+            self.watch.tell("the gear as the robot file has it")
+            if (other := sprung(rigid[0])) is not None:
+                again = self._with(*other, judged)
+                if again.settled.after.cost < view.settled.after.cost + PLAINLY:
+                    return again
+        return view
+
+    def _with(self, model: JointModel, before: Fit, judged: Sequence[Observed]) -> View:
+        judge = model.of(judged) if judged else model
+        start = model.residuals(Hypothesis(), [before.z])[0]
+        floor = noise_floor(model.observed, start)
+        floors = {kind: noise.total for kind, noise in before.noise.items()} | {
+            Kind.POSITION: tolerance(floor)
+        }
+        others = judge if judged else None
+        settled = settle(model, others, before, self.effects, floor, floors, self.watch)
+        return View(model, before, judge, start, floor, floors, settled)
+
+
+def unlike(view: View) -> frozenset[str]:
+    """Recordings that judge, and must be fitted as well for anything to be found; mostly none.
+
+    A limit is in no recording but those that reach it. Where those that were held out have a
+    structured rest of a size that those that were fitted do not have, every other one of each group
+    is fitted after all; the others, of the same motions, judge.
+    """
+    model, judge, after = view.model, view.judge, view.settled.after
+    if judge is model or not rest_of(model, judge, after, view.floor).structured:
+        return frozenset()
+    left = [
+        block_rms(some.residuals(after.hypothesis, [after.z])[0], Kind.POSITION)
+        for some in (model, judge)
+    ]
+    if left[1] < UNLIKE * left[0]:
+        return frozenset()
+    groups: dict[str, list[str]] = {}
+    for one in judge.observed:
+        groups.setdefault(one.group, []).append(one.name)
+    return frozenset(name for names in groups.values() for name in names[: len(names) // 2])
 
 
 def _mismatch(

@@ -32,8 +32,9 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 SIZES = (0.05, 0.2, 0.7, 2.0, 6.0)  #: of amplitudes, in typical sizes, at which an effect is tried
-#: at which it is tried where all of those are worse than none: gains that nobody set, say, add up
-FINER = (0.003, 0.012)
+#: at which it is tried where none of those promises anything: a limit does nothing until it is
+#: reached, and then soon too much; and gains that nobody set, say, add up
+BETWEEN, FINER = (0.1, 0.4, 1.0, 1.4, 3.5), (0.003, 0.012)
 #: by what the best of these is scaled to see whether another size is better, and how far from it
 GROWN, FARTHER = 1.2, 4.0
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
@@ -267,8 +268,8 @@ def _ranking(
             continue
         hypothesis = base.hypothesis + knobs
         best = (-np.inf, np.append(base.z, np.zeros(len(knobs))))
-        for some in (SIZES, FINER):
-            if best[0] <= 0.0 and (some is SIZES or not times(knobs)):
+        for some in (SIZES, BETWEEN, FINER):
+            if best[0] < PROMISING and not (some is FINER and times(knobs)):
                 tries = vectors_to_try(model, base, effect, knobs, some)
                 best = max([best, *tried(hypothesis, tries)], key=lambda pair: pair[0])
         best = max(

@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
+import pytest
 from pendulum_logs import JOINT, MOTIONS, POSITION, logs, robot
 
 from bench.diagnosis.joint import diagnose_joint
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import Channel, observe
+from sim.effects import effect
 from sim.model import read_model
 
+TRUTH, LIMIT = {"torque_limit": {"duty": 0.4}}, {"torque_limit": effect("torque_limit")}
 STEP_S = 0.05e-3
 """How finely the duty of the law is asked for [s]."""
 
@@ -78,3 +81,28 @@ def test_a_register_with_a_short_period_of_its_own_is_a_cause():
     assert "load_refresh" in causes
     low, high = causes["load_refresh"].parameters["period_s"].ci95
     assert low <= period_s <= high
+
+
+@pytest.mark.parametrize("repeats", [1, 2])
+def test_a_motion_that_alone_reaches_a_limit_is_fitted_after_all_if_it_was_repeated(repeats):
+    """One repeat is fitted and the other judges; a motion that was not repeated stays held out."""
+    motions = ("slow", "slow", *["steps"] * repeats)
+    slow, steps = np.split(np.array(observe(logs(TRUTH, motions), robot(), JOINT)), [2])
+    found = diagnose_joint(read_model(robot()), robot(), slow, steps, effects=LIMIT).diagnosis
+    assert found.fit.recordings == (steps[-1].name,)
+    if repeats == 1:
+        assert (found.verdict, found.causes) == ("unexplained", ())
+        return
+    (cause,) = found.causes
+    assert cause.parameters["duty"].value == pytest.approx(0.4, rel=0.1)
+    assert found.verdict == "explained"
+    assert any(f"{steps[0].name} of them were fitted after all" in told for told in found.limits)
+
+
+def test_recordings_that_judge_and_are_like_those_that_were_fitted_are_not_fitted():
+    slow, fast = np.split(
+        np.array(observe(logs({}, ("slow", "fast", "fast")), robot(), JOINT)), [1]
+    )
+    found = diagnose_joint(read_model(robot()), robot(), slow, fast, effects={}).diagnosis
+    assert found.fit.recordings == tuple(one.name for one in fast)
+    assert not any("after all" in told for told in found.limits)

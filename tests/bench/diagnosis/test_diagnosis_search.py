@@ -23,6 +23,7 @@ from bench.diagnosis.running import (
 from bench.diagnosis.search import (
     NEEDED,
     NUMBER_NATS,
+    PROMISING,
     STRAYED,
     Gain,
     Outside,
@@ -385,6 +386,15 @@ def test_a_size_between_those_tried_is_screened_where_it_is(margin_rad):
     ((_, _, start),) = screen(model, none, [effect("dead_zone")])
     (knob,) = effect_knobs(effect("dead_zone"))
     assert knob.value(float(start[-1])) == pytest.approx(margin_rad, rel=0.2)
+
+
+def test_a_limit_is_screened_between_where_it_does_nothing_and_where_it_does_too_much():
+    model = model_of(logs({"torque_limit": {"duty": 0.35}}, motions=("slow", "swell")))
+    none = Fit(Hypothesis(), np.zeros(len(model.nuisances)), base_of(model).noise, 0.0)
+    ((gain, _, start),) = screen(model, none, [effect("torque_limit")])
+    (knob,) = effect_knobs(effect("torque_limit"))
+    assert gain > PROMISING
+    assert knob.value(float(start[-1])) == pytest.approx(0.35, rel=0.15)
 
 
 def test_of_many_effects_that_are_alike_more_are_worth_a_fit():
