@@ -246,8 +246,8 @@ def unlike(view: View) -> frozenset[str]:
     """Recordings that judge, and must be fitted as well for anything to be found; mostly none.
 
     A limit is in no recording but those that reach it. Where those that were held out have a
-    structured rest of a size that those that were fitted do not have, every other one of each group
-    is fitted after all; the others, of the same motions, judge.
+    structured rest of a size that those that were fitted do not have, half of each group's repeats
+    are fitted after all; the others, of the same motions, judge.
     """
     model, judge, after = view.model, view.judge, view.settled.after
     if judge is model or not rest_of(model, judge, after, view.floor).structured:
