@@ -29,7 +29,7 @@ from sim.model import Addition, Estimate, with_additions
 
 from .fit import block_rms, bounds, estimate_noise, least_squares
 from .joint import JointFindings
-from .knobs import Nuisance
+from .knobs import PRESLIDING, PUNCH, Nuisance
 from .model import Blocks, Kind
 from .noise import Noise
 
@@ -53,7 +53,8 @@ PLACES = {
     "supply": ("supply_voltage", "scale"),
     "gain": ("gain_error", "scale"),
     "rotor_level": ("rotor_inertia", "scale"),
-    "punch": ("punch_left_out", "share"),
+    PUNCH: ("punch_left_out", "share"),
+    PRESLIDING: ("presliding", "breakaway_rad"),
     "gear_stiffness": ("gear_spring", "stiffness_scale"),
     "gear_damping": ("gear_spring", "damping_scale"),
 }

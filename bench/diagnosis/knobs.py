@@ -31,6 +31,7 @@ OUTSIDE = frozenset(
         "foot_slip",
         "ground_compliance",
         "gear_spring",
+        "presliding",
         "punch_left_out",
         "ground_tilt",
         "leg_geometry",
@@ -52,6 +53,7 @@ SHARE = "(share)"  #: unit of one that lies between nothing and all, and either 
 #: nuisance of a position law that leaves its punch register out of the duty, idle beside the effect
 #: of that name; and the law whose manuals do not say
 PUNCH, UNDOCUMENTED = "punch", "pid"
+PRESLIDING = "presliding"  #: nuisance of friction that gives way before it slips, and its effect
 MASS, CENTRE_M = 0.05, 0.003  #: tolerances of a link's mass and of where its centre is
 
 
@@ -159,7 +161,7 @@ class Nuisance:
     @property
     def stands_in(self) -> bool:
         """Whether it stands in for something else where it has gone as far as it may."""
-        return self.unit != SHARE
+        return self.unit != SHARE and self.name != PRESLIDING
 
     def value(self, z: float, off: float, size: float = 1.0) -> float:
         """What ``z`` deviations make of a number that is ``off`` without.
@@ -196,6 +198,11 @@ def _times(field: int) -> Callable[[Candidate, float], Candidate]:
 
 def _punch(candidate: Candidate, x: float) -> Candidate:
     candidate.drive[kernel.PUNCH_LEFT_OUT] += x
+    return candidate
+
+
+def _presliding(candidate: Candidate, x: float) -> Candidate:
+    candidate.drive[kernel.BREAKAWAY] += x
     return candidate
 
 
@@ -284,6 +291,15 @@ NUISANCES = (
         1.0,
         "whether a PID law adds its punch register to the duty is documented nowhere; assumed",
         _punch,
+        reach=1.0,
+        least=0.0,
+    ),
+    Nuisance(
+        PRESLIDING,
+        "rad",
+        0.001,
+        "how far teeth and bearings give way before they slip is in no data sheet; assumed",
+        _presliding,
         reach=1.0,
         least=0.0,
     ),

@@ -20,8 +20,8 @@ CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
 #: more, by the second, fading with the third [nats]. Of one joint, fitted by eye to 66 names of two
 #: proofs that were opened: true were 2 of 8 below 60 nats, 22 of 30 from 60 to 300, 26 of 28 beyond
 NONE_LEAST, NONE_FAINT, FAINT_NATS = 0.07, 0.6, 60.0
-#: nats (deflated) that a rival is behind at most, where what it leaves is no more than two sound
-#: simulations of the joint differ by; assumed
+#: nats (deflated) that rivals are behind, all of them together, of which each leaves no more than
+#: two sound simulations of the joint differ by; assumed
 AS_GOOD = 2.0
 TEMPER = 0.5  #: of gains, when they become probabilities: see docs on power
 
@@ -82,14 +82,19 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
     own = named.counted(scale) - named.unlikely
     behind = {g.effect: own - (g.counted(scale) - g.unlikely) for g in tried}
-    for gain in tried:
-        if behind[gain.effect] > AS_GOOD and hardly_better([model], gain.fit, named.fit):
-            behind[gain.effect] = AS_GOOD
+    alike = [
+        g.effect
+        for g in tried
+        if behind[g.effect] > AS_GOOD and hardly_better([model], g.fit, named.fit)
+    ]
+    for other in alike:  # together as likely as one
+        together = AS_GOOD + float(np.log(len(alike))) / TEMPER
+        behind[other] = min(behind[other], together)
     probability, others = chances(own, behind)
     close = [
         Rival(other, (model.observed[0].joint,), others[other], nats)
         for other, nats in behind.items()
-        if nats < CLOSE
+        if nats < CLOSE or other in alike
     ]
     return probability, sorted(close, key=lambda r: r.behind_nats)
 

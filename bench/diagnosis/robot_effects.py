@@ -27,6 +27,7 @@ OUTSIDE = frozenset(
         "load_refresh",
         "lost_samples",
         "overload_shutdown",
+        "presliding",
         "punch_left_out",
         "read_skew",
         "thermal_derating",

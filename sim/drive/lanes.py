@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from .compiling import compiled, inlined
 from .kernel import (
     BACKLASH,
+    BENT,
     CABLE_STIFFNESS,
     COMMANDS,
     CURRENT,
@@ -33,10 +34,12 @@ from .kernel import (
     WINDING_HEAT,
     Array,
     Arrays,
+    bend,
     bridge,
     cable_torque,
     control_one,
     falling,
+    friction,
     friction_level,
     gear_torque,
     motor_current,
@@ -346,8 +349,11 @@ def turn(
                 load = gear_torque(t, angle - shaft, speed - pace)
             level = friction_level(t, speed, motor, -load)
             stop = -(lanes[HALT, k] * speed + motor - load)
-            speed += lanes[PUSH, k] * (motor - load + min(level, max(-level, stop)))
+            bent, push = states[BENT, k], lanes[PUSH, k]
+            held = friction(t, level, bent, stop, push, dt)
+            speed += push * (motor - load + held)
             angle += dt * speed
+            states[BENT, k] = bend(t, bent, dt * speed)
             if rigid:
                 shaft, pace = angle, speed
             else:

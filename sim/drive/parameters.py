@@ -114,6 +114,7 @@ class DriveParameters:
     margin_more_rad: float = 0.0
     punch_more: float = 0.0
     punch_left_out: float = 0.0
+    breakaway_rad: float = 0.0
     integral_more_per_rad_s: float = 0.0
     velocity_cap_rad_s: float = math.inf
     duty_cap: float = 1.0
@@ -199,6 +200,7 @@ _FIELDS = {
     "margin_more_rad": kernel.MARGIN_MORE,
     "punch_more": kernel.PUNCH_MORE,
     "punch_left_out": kernel.PUNCH_LEFT_OUT,
+    "breakaway_rad": kernel.BREAKAWAY,
     "integral_more_per_rad_s": kernel.INTEGRAL_MORE,
     "velocity_cap_rad_s": kernel.VELOCITY_CAP,
     "duty_cap": kernel.DUTY_CAP,

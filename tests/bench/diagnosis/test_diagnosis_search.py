@@ -128,6 +128,27 @@ def test_a_rival_that_leaves_no_more_than_engines_differ_by_is_close(monkeypatch
     assert (probability < 0.75) is hardly
 
 
+@pytest.mark.parametrize("others", [1, 2, 6])
+def test_many_rivals_that_leave_as_little_are_together_as_likely_as_one(monkeypatch, others):
+    model = model_of(logs(motions=["slow"]))
+    named = sized("gain_error", 0.0, 1000.0)
+    amounts = (
+        "coulomb_friction",
+        "dead_zone",
+        "link_mass",
+        "punch",
+        "supply_voltage",
+        "zero_offset",
+    )
+    names = list(amounts[:others])
+    monkeypatch.setattr("bench.diagnosis.rivals.hardly_better", lambda *_: True)
+    probability, close = _among(model, named, [sized(name, 0.0, 900.0) for name in names])
+    assert [rival.effect for rival in close] == names
+    alone, _ = _among(model, named, [sized("dead_zone", 0.0, 900.0)])
+    assert probability == pytest.approx(alone)
+    assert sum(rival.probability for rival in close) == pytest.approx(1 - NONE_LEAST - alone)
+
+
 def test_two_names_for_one_thing_are_rivals_of_like_probability():
     """Delay of commands and skew of samples, seen by positions alone."""
     both = {name: effect(name) for name in ("transport_delay", "dead_zone")}

@@ -42,6 +42,7 @@ MOVES: Mapping[str, set[str]] = {
     # controller: the duty itself, along the very same angles
     "dead_zone": {P, D, R},
     "punch": {P, D, R},
+    "presliding": {P, D},
     "punch_left_out": set(),  # what is not there cannot be left out
     "gain_error": {P, D, R},
     "integral_action": {P, D, R},

@@ -1,0 +1,67 @@
+"""Friction that gives way before it slips: no data sheet has it, and it is no finding."""
+
+from datetime import date
+
+import numpy as np
+import pytest
+from pendulum_logs import JOINT, POSITION, logs, robot
+
+from bench.diagnosis.fit import Fit, bounds, fit
+from bench.diagnosis.improved import additions
+from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.knobs import PRESLIDING, effect_knobs
+from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.observed import observe
+from bench.diagnosis.search import vectors_to_try
+from sim.effects import effect
+from sim.model import read_model
+
+MOTIONS = ("slow", "fast", "steps")
+ASKED = ("dead_zone", "punch", "coulomb_friction", "gain_error", "load_friction")
+SIZE_RAD = 8e-4
+GIVES_WAY = {"presliding": {"breakaway_rad": SIZE_RAD}}
+
+
+def seen(truth=None, motions=MOTIONS):
+    return observe(logs(truth, motions=motions, registers=(POSITION,)), robot(), JOINT)
+
+
+@pytest.fixture(scope="module")
+def found():
+    effects = {name: effect(name) for name in ASKED}
+    return diagnose_joint(read_model(robot()), robot(), seen(GIVES_WAY), effects=effects)
+
+
+def the_one(model):
+    (k,) = (k for k, n in enumerate(model.nuisances) if n.name == PRESLIDING)
+    return k
+
+
+def test_friction_that_gives_way_is_no_finding(found):
+    assert found.diagnosis.verdict == "consistent"
+    k = the_one(found.model)
+    size = found.after.z[k] * found.model.nuisances[k].deviation
+    assert size == pytest.approx(SIZE_RAD, rel=0.35)
+
+
+def test_the_better_model_has_it(found):
+    made = {a.effect.name: a.values for a in additions([found], date(2026, 1, 2))}
+    assert made["presliding"]["breakaway_rad"] == pytest.approx(SIZE_RAD, rel=0.35)
+
+
+def test_recordings_are_followed_worse_without_it(found):
+    model = found.model
+    stiff = fit(model, Hypothesis(), np.zeros(len(model.nuisances)), held=[the_one(model)])
+    assert stiff.cost > found.before.cost + 20.0
+
+
+def test_it_goes_from_nothing_to_a_thousandth_and_stands_in_for_nothing():
+    model = JointModel(read_model(robot()), robot(), seen(motions=("slow",)))
+    k = the_one(model)
+    low, high = bounds(model, Hypothesis())
+    assert (low[k], high[k] * model.nuisances[k].deviation) == (0.0, pytest.approx(1e-3))
+    z = np.zeros(len(model.nuisances))
+    z[k] = high[k]
+    asked = effect("dead_zone")
+    tried = vectors_to_try(model, Fit(Hypothesis(), z, {}, 0.0), asked, effect_knobs(asked))
+    assert {vector[k] for vector in tried} == {high[k]}
