@@ -20,6 +20,7 @@ from .robot_effects import OUTSIDE, placed_effects
 from .robot_improved import write_model
 from .robot_judging import traces
 from .robot_picture import phase_figure
+from .robot_stops import past_stops
 from .running import Split
 from .sense import DiagnosisError
 from .watch import OutOfTimeError, Watch
@@ -52,10 +53,13 @@ def run_robot(
 ) -> Answers:
     """Diagnose a legged robot and write ``diagnosis.json``, ``model.toml`` and ``phase.png``.
 
-    ``known`` is what is odd about the recordings, for the limits. Raises :class:`DiagnosisError`,
+    Stops that recordings went past are out of the way, in ``model.toml`` as well. ``known`` is what
+    is odd about the recordings, for the limits. Raises :class:`DiagnosisError`,
     :class:`bench.recording.RecordingError` and :class:`sim.entries.PhysicsError`.
     """
     check_names(robot, without)
+    robot, moved = past_stops(robot, (*parts.fitted, *parts.judging))
+    known = (*moved, *known)
     try:
         found = diagnose_robot(
             robot,
