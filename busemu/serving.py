@@ -197,6 +197,9 @@ class Served:
         yield f"port {self.port.path}" + (f" (also {link})" if link else "")
         if self._state is not None:
             yield from self._state.describe()
+        if self.plant == "ideal" and (left_out := robot.document.get("effect")):
+            effects = amount(len(left_out), "effect")
+            yield f"{effects} of {robot.path.name} left out: the ideal plant has no physics"
         yield f"try: {self._suggestion()}"
 
     def _suggestion(self) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from bench.recording import Recording, RecordingError
 from bench.recording.oddities import Weight, oddities
 from busemu.tables import Robot
+from busemu.wording import amount
 
 from .search import Progress
 
@@ -68,7 +69,7 @@ def check_motion(recordings: Sequence[Recording], robot: Robot) -> None:
             return
     if spans:
         raise DiagnosisError(
-            f"present_position never changes in {len(recordings)} recordings: "
+            f"present_position never changes in {amount(len(recordings), 'recording')}: "
             "record motions, or look with busemu inspect at what was recorded"
         )
 

@@ -16,6 +16,7 @@ from virtual_bus import AX, XL, Bench
 from busemu.cli import app
 from busemu.serve import ServerState
 from busemu.serving import Served, ServingError, Teller, Wanted, each, opened
+from busemu.tables import load_robot
 from busemu.timing import load_profile
 
 BOTH = pytest.mark.parametrize("model", [AX, XL])
@@ -131,6 +132,20 @@ def test_servos_that_hang_on_nothing_are_served_without_an_engine() -> None:
     assert Wanted("marvin").plant is None
     with opened([Wanted("marvin", timing="instant")]) as (marvin,):
         assert marvin.plant == "bullet"
+
+
+def test_physics_that_an_ideal_plant_leaves_out_is_told(tmp_path: Path) -> None:
+    shipped = load_robot("pendulum").path.read_text("utf-8")
+    more = tmp_path / "worn.toml"
+    more.write_text(shipped + '\n[[effect]]\nname = "backlash"\n', "utf-8")
+    with opened([Wanted(str(more), plant="ideal"), Wanted("marvin", plant="ideal")]) as buses:
+        for one in buses:
+            one.assemble()
+        worn, plain = ("\n".join(one.describe()) for one in buses)
+    count = len(load_robot(more).document["effect"])
+    assert f"{count} effect" in worn
+    assert "of worn.toml left out: the ideal plant has no physics" in worn
+    assert "left out" not in plain
 
 
 def test_what_is_noticed_of_a_served_robot_is_told_once(
