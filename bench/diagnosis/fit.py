@@ -17,13 +17,19 @@ from .noise import Block, Noise, cost, estimate, huber_weight, whiten
 Floats = NDArray[np.float64]
 
 STEP = 0.1  #: of a knob in finite differences at first, in its unit or its value
-NUISANCE_STEP = 0.7  #: in deviations of its prior
+NUISANCE_STEP = (
+    0.7  #: in deviations of its prior, and less where that is longer than the range below
+)
 TICKS_S = 0.002  #: least step of times: firmware has a tick of 1 ms
 SMOOTHEST = 0.25  #: share of the numbers that show roughness alone; others show bends, too
 #: a finite difference shall be so many deviations of noise long, within this range: friction and
 #: rounding in a position law make a rollout rough, and a short difference would see only that
 LONG, RANGE = 10.0, (5.0, 25.0)
 STEPS = (0.005, 1.0)  #: a knob's least and greatest step, in its unit or its value
+#: that of a nuisance, which has a size of its own: shortened if it is longer, to so many, and to no
+#: less than this share. A secant over a bend is a slope that nothing has: of several numbers that
+#: make up for each other it leaves a rest, and a fit creeps along their valley
+NUISANCE_LONG, NUISANCE_RANGE, SHORTEST = 30.0, 50.0, 0.04
 ROUNDS = 8  #: of fitting and of estimating the noise in turns, at most
 DAMPINGS = (1e-3, 0.03, 1.0, 30.0)  #: factors on the damping that are tried together
 ENOUGH = 1.0  #: gain of a step [nats] at which a fit is done: the likelihood is rough by more
@@ -162,18 +168,21 @@ class Around:
         size = steps(model, hypothesis, z)
         change = self.change(size, range(len(z)))
         count = len(model.nuisances)
-        length = np.linalg.norm(change[:, count:], axis=0)
-        badly = (length < RANGE[0]) | (length > RANGE[1])
-        if badly.any():
-            wanted = np.clip(STEP * LONG / np.maximum(length, 1e-9), *STEPS)
-            again = steps(model, hypothesis, z, np.where(badly, wanted, STEP))
-            columns = [
-                int(k) for k in count + np.flatnonzero(badly) if abs(again[k]) != abs(size[k])
-            ]
-            if columns:
-                change[:, columns] = self.change(again, columns)
-                size[columns] = again[columns]
+        length = np.linalg.norm(change, axis=0)
+        again = self._of_knobs(length[count:])
+        share = np.maximum(NUISANCE_LONG / np.maximum(length[:count], NUISANCE_LONG), SHORTEST)
+        again[:count] = np.where(length[:count] > NUISANCE_RANGE, share, 1.0) * size[:count]
+        columns = np.flatnonzero(np.abs(again) != np.abs(size)).tolist()
+        if columns:
+            change[:, columns] = self.change(again, columns)
+            size[columns] = again[columns]
         return size, change
+
+    def _of_knobs(self, length: Floats) -> Floats:
+        """All steps, those of knobs (whose lengths were these) as long as they should be."""
+        badly = (length < RANGE[0]) | (length > RANGE[1])
+        wanted = np.clip(STEP * LONG / np.maximum(length, 1e-9), *STEPS)
+        return steps(self.model, self.hypothesis, self.z, np.where(badly, wanted, STEP))
 
     def slopes(self) -> tuple[Floats, Floats]:
         """The Jacobian (n, len(z)) from steps both ways, and what roughness adds to its squares.

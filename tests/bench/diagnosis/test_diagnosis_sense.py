@@ -113,5 +113,5 @@ def test_a_joint_that_stood_at_several_places_has_moved(swing):
     elsewhere = Recording.checked(table, dict(still.metadata))
     check_motion([still, elsewhere], robot)
     for recordings in ([still], [still, still]):
-        with pytest.raises(DiagnosisError, match=f"never changes in {len(recordings)} recordings"):
+        with pytest.raises(DiagnosisError, match=f"never changes in {len(recordings)} recording"):
             check_motion(recordings, robot)
