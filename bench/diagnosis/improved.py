@@ -29,9 +29,9 @@ from sim.model import Addition, Estimate, with_additions
 
 from .fit import block_rms, bounds, estimate_noise, least_squares
 from .joint import JointFindings
-from .knobs import PRESLIDING, PUNCH, Nuisance
 from .model import Blocks, Kind
 from .noise import Noise
+from .nuisances import PRESLIDING, PUNCH, Nuisance
 
 Floats = NDArray[np.float64]
 

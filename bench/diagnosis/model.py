@@ -29,8 +29,9 @@ from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
 from .journal import Journal, code, digest
-from .knobs import GEAR_LEVELS, PUNCH, SOFTER, TWINS, Knob, nuisances, with_effects
+from .knobs import SOFTER, TWINS, Knob, with_effects
 from .noise import Block
+from .nuisances import GEAR_LEVELS, PUNCH, nuisances
 from .observed import Channel, Observed
 from .posture import arm_load
 

@@ -13,7 +13,7 @@ from sim.effects import Parameter, effect
 from sim.model import Addition, Estimate, with_additions
 from sim.tree import Joint, PhysicalRobot
 
-from .knobs import PUNCH
+from .nuisances import PUNCH
 from .result import Estimate as Found
 from .robot_effects import Placed
 from .robot_nuisances import RobotNuisance

@@ -19,9 +19,9 @@ from busemu.tables import Robot
 from sim.tree import PhysicalRobot
 
 from .journal import Journal
-from .knobs import PUNCH, UNDOCUMENTED
 from .model import has_punch
 from .noise import Block
+from .nuisances import PUNCH, UNDOCUMENTED
 from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
 from .robot_features import Features, RobotKind

@@ -22,7 +22,7 @@ from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
-from .knobs import PUNCH, SHARE, WITHIN
+from .nuisances import PUNCH, SHARE, WITHIN, Reaching
 
 Floats = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True)
-class RobotNuisance:
+class RobotNuisance(Reaching):
     """Something never exactly as believed; ``deviation`` is that of its prior, in ``unit``.
 
     ``trial`` is the replay that shows its trace (none: the base replay tells), ``joint`` the only
@@ -61,11 +61,6 @@ class RobotNuisance:
     reach: float = WITHIN
     same: tuple[str, ...] = ()
     least: float | None = None
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """The least and the greatest value [deviations]."""
-        return -self.reach if self.least is None else self.least, self.reach
 
     def far(self, z: float, share: float) -> bool:
         """Whether it has gone that share of as far as it may, and so stands in for something."""

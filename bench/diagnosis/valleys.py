@@ -19,8 +19,8 @@ import numpy as np
 from sim.effects import catalogue
 
 from .fit import Fit, fit
-from .knobs import WITHIN
 from .model import JointModel
+from .nuisances import WITHIN
 from .search import screen
 
 MOVES = (-0.7, 0.7)  #: in units of a shape; of the value, for a number that is an amount

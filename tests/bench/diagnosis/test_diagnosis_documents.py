@@ -12,9 +12,10 @@ from pendulum_logs import CONDITION, JOINT, POSITION, access, logs, model_of, ro
 from bench.diagnosis.fit import Fit, block_rms, estimate_noise, fit
 from bench.diagnosis.improved import write_improved
 from bench.diagnosis.joint import diagnose_joint
-from bench.diagnosis.knobs import FARTHEST, NUISANCES, PUNCH, effect_knobs, joint_effects
+from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.next_experiment import GAINS, menu, next_experiments
+from bench.diagnosis.nuisances import FARTHEST, NUISANCES, PUNCH
 from bench.diagnosis.observed import observe
 from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES, Cause, Estimate
 from bench.diagnosis.running import diagnose, misfits, split, write

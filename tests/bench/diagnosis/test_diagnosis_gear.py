@@ -7,8 +7,9 @@ from pendulum_logs import JOINT, logs, model_of, robot
 from bench.diagnosis import joint
 from bench.diagnosis.fit import bounds, fit
 from bench.diagnosis.gear import believed
-from bench.diagnosis.knobs import GEAR_LEVELS, effect_knobs
+from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.observed import observe
 from sim.effects import effect
 from sim.model import read_model

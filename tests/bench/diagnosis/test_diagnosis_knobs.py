@@ -8,19 +8,9 @@ import pytest
 from pendulum_logs import logs, model_of, robot
 
 from bench.diagnosis.fit import bounds
-from bench.diagnosis.knobs import (
-    AMOUNTS,
-    CENTRE_M,
-    MASS,
-    NUISANCES,
-    TWINS,
-    WITHIN,
-    effect_knobs,
-    joint_effects,
-    nuisances,
-    with_effects,
-)
+from bench.diagnosis.knobs import AMOUNTS, TWINS, effect_knobs, joint_effects, with_effects
 from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.nuisances import CENTRE_M, MASS, NUISANCES, WITHIN, nuisances
 from sim.drive import kernel
 from sim.effects import catalogue, effect
 from sim.entries import Section

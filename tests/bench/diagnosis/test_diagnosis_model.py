@@ -20,9 +20,10 @@ from bench.diagnosis.fit import (
     steps,
 )
 from bench.diagnosis.intervals import covariances, estimates
-from bench.diagnosis.knobs import GEAR_LEVELS, effect_knobs
+from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import INSTANT_S, LATEST, Hypothesis, JointModel, Kind, averaged
 from bench.diagnosis.noise import Block
+from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.search import NEEDED, confirm
 from sim.effects import effect
 from sim.stepped import TICK_S

@@ -9,8 +9,9 @@ from pendulum_logs import JOINT, POSITION, logs, robot
 from bench.diagnosis.fit import Fit, bounds, fit
 from bench.diagnosis.improved import additions
 from bench.diagnosis.joint import diagnose_joint
-from bench.diagnosis.knobs import PRESLIDING, effect_knobs
+from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.nuisances import PRESLIDING
 from bench.diagnosis.observed import observe
 from bench.diagnosis.search import vectors_to_try
 from sim.effects import effect

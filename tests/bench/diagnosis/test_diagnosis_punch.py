@@ -11,8 +11,9 @@ from pendulum_logs import JOINT, POSITION, logs, robot
 from bench.diagnosis.fit import Fit, bounds
 from bench.diagnosis.improved import additions
 from bench.diagnosis.joint import diagnose_joint
-from bench.diagnosis.knobs import PUNCH, effect_knobs, nuisances
+from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.nuisances import PUNCH, nuisances
 from bench.diagnosis.observed import observe
 from bench.diagnosis.search import vectors_to_try
 from busemu.tables import load_robot

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from walking_robots import believed, marvin, walked, walked_by, walked_with
 
-from bench.diagnosis.knobs import PUNCH
+from bench.diagnosis.nuisances import PUNCH
 from bench.diagnosis.robot_model import RobotModel, undocumented_punch
 from bench.diagnosis.robot_nuisances import nuisances
 from bench.diagnosis.robot_search import RobotSearch

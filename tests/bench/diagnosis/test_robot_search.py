@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.knobs import SHARE
+from bench.diagnosis.nuisances import SHARE
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_nuisances import SAME, RobotNuisance, nuisances
