@@ -121,7 +121,9 @@ class Sight:
 
     def box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
         """The least and the greatest of every number; idle nuisances stay at 0."""
-        own = [(0.0, 0.0) if set(n.same) & set(names) else n.ends for n in self.model.nuisances]
+        own = [
+            (0.0, 0.0) if {*n.same, *n.idle} & set(names) else n.ends for n in self.model.nuisances
+        ]
         low, high = zip(*own, *(self.model.placed[name].knob.bounds for name in names), strict=True)
         return np.array(low), np.array(high)
 

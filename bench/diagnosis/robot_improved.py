@@ -16,7 +16,7 @@ from sim.tree import Joint, PhysicalRobot
 from .nuisances import PUNCH
 from .result import Estimate as Found
 from .robot_effects import Placed
-from .robot_nuisances import RobotNuisance
+from .robot_nuisances import TIPS, RobotNuisance, tip_of
 
 WORTH = 0.3  #: deviations of its prior below which a nuisance is left as believed
 #: nuisances as effects, by the first word of their names: the effect and its parameter
@@ -106,6 +106,10 @@ def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addit
             if where in ("", joint.name)
             for addition in _friction(joint, x, told)
         ]
+    if word == TIPS:
+        values = dict(zip(("stiffness_n_m", "damping_n_s_m"), tip_of(x), strict=True))
+        tip = {key: Estimate(value, told) for key, value in values.items()}
+        return [Addition(effect("foot_compliance"), (), tip)]
     if word == "centre":
         return [_one("com_offset", f"{where}_m", x, ("trunk",), told)]
     if word not in PLACES:

@@ -30,6 +30,9 @@ ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
 #: deviations that a zero may take: one that was set a tooth aside is no finding here; assumed
 ZERO_WITHIN = 4.0
 
+TIPS = "tips"  #: nuisance of feet that are not rigid
+TIP_KG = 0.07  #: on a tip that touches the ground, for its damping; assumed: a tibia's share
+
 Change = Callable[[PhysicalRobot, float], PhysicalRobot]
 
 
@@ -49,7 +52,7 @@ class RobotNuisance(Reaching):
     ``trial`` is the replay that shows its trace (none: the base replay tells), ``joint`` the only
     joint whose rows of it count. ``reach`` is how many deviations it may take, either way unless
     ``least`` says how few; beyond that it is a finding, under one of the names of ``same`` (effects
-    at places): where one of those is on, the nuisance is idle.
+    at places): where one of those is on, the nuisance is idle, as it is where one of ``idle`` is.
     """
 
     name: str
@@ -61,6 +64,7 @@ class RobotNuisance(Reaching):
     reach: float = WITHIN
     same: tuple[str, ...] = ()
     least: float | None = None
+    idle: tuple[str, ...] = ()
 
     def far(self, z: float, share: float) -> bool:
         """Whether it has gone that share of as far as it may, and so stands in for something."""
@@ -134,6 +138,21 @@ def _punch(drive: DriveParameters, x: float) -> DriveParameters:
     return replace(drive, punch_left_out=drive.punch_left_out + x)
 
 
+def tip_of(give_m_n: float) -> tuple[float, float]:
+    """Stiffness [N/m] of a foot that gives by so much, and half its critical damping [N s/m]."""
+    return 1.0 / give_m_n, math.sqrt(TIP_KG / give_m_n)
+
+
+def _tips(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    stiffness, damping = tip_of(x)
+    kind = effect("foot_compliance")
+    return kind.apply(robot, (), {"stiffness_n_m": stiffness, "damping_n_s_m": damping})
+
+
+def _of_each_leg(robot: PhysicalRobot, name: str) -> tuple[str, ...]:
+    return tuple(f"{name}@{leg.name}" for leg in robot.legs)
+
+
 def _of_effect(name: str, parameter: str, where: tuple[str, ...], *, over: float = 0.0) -> Change:
     def changed(robot: PhysicalRobot, x: float) -> PhysicalRobot:
         kind = effect(name)
@@ -181,6 +200,8 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
             unit, deviation, source = COMMON[trial.name.split()[0]]
             same = SAME.get(trial.name, ())
             one = RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same)
+            if trial.name == TIPS:
+                one = replace(one, least=0.0, idle=_of_each_leg(robot, "foot_compliance"))
             found.append(replace(one, reach=1.0, least=0.0) if unit == SHARE else one)
     late = "jitter and turnaround of a bus; assumed"
     found.append(RobotNuisance("sampling", "s", 0.0015, late))
@@ -235,6 +256,7 @@ COMMON = {
     "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
     "motors": ("(ratio)", 0.08, "a make +-10 %, and a stall torque before or after friction: 6 %"),
     "gears": ("(ratio)", 0.15, "friction of one make, warm or cold; assumed"),
+    TIPS: ("m/N", 2.5e-5, "no foot is rigid, the stiffest rubber tips give 50 um/N; assumed"),
     PUNCH: (SHARE, 1.0, "whether a PID law adds its punch is documented nowhere; assumed"),
 }
 
@@ -248,6 +270,7 @@ SAME = {
     "gain": ("gain_error@all",),
     "late": ("transport_delay@all",),
     "grip": ("foot_slip@all",),
+    TIPS: ("foot_compliance@all",),
     "motors": ("torque_constant@all",),
     PUNCH: ("punch@all",),
 }
@@ -281,5 +304,7 @@ def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
     found.append(Trial("gears", 0.2, _of_all(_friction)))
     found.append(Trial(PUNCH, 0.5, _of_all(_punch)))
     found.append(Trial("late", 0.002, _of_effect("transport_delay", "delay_s", ())))
+    if all(math.isinf(leg.foot.stiffness_n_m) for leg in robot.legs):
+        found.append(Trial(TIPS, 2e-5, _tips))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
     return tuple(found)

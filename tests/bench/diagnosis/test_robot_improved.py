@@ -33,7 +33,9 @@ def only(name, deviations):
     return [deviations if n.name == name else 0.0 for n in every()]
 
 
-@pytest.mark.parametrize("word", ["zero", "mass", "centre", "supply", "gain", "late", "grip"])
+@pytest.mark.parametrize(
+    "word", ["zero", "mass", "centre", "supply", "gain", "late", "grip", "tips"]
+)
 def test_a_nuisance_in_the_file_does_what_its_trial_did(word):
     for nuisance in every():
         if nuisance.name.split()[0] != word:

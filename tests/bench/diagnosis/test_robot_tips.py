@@ -1,0 +1,52 @@
+"""Feet that give a little: a tolerance of robots whose file says nothing of their feet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from walking_robots import believed, marvin, walked
+
+from bench.diagnosis.robot_fit import Sight
+from bench.diagnosis.robot_model import RobotModel
+from bench.diagnosis.robot_nuisances import TIPS, nuisances, with_nuisances
+from sim.effects import effect
+
+KNOWN = {n.name.split()[0] for n in nuisances(believed(), 0.005)} - {TIPS}
+STIFFEST_RUBBER_N_M = 2e4
+
+
+def tips(robot):
+    return next(n for n in nuisances(robot, 0.005) if n.name == TIPS)
+
+
+def test_feet_give_from_nothing_to_what_stiff_rubber_does():
+    one = tips(believed())
+    least, most = one.ends
+    assert least == 0.0
+    assert most * one.deviation == pytest.approx(1.0 / STIFFEST_RUBBER_N_M)
+    soft = with_nuisances(believed(), [one], [most])
+    for leg in soft.legs:
+        assert leg.foot.stiffness_n_m == pytest.approx(STIFFEST_RUBBER_N_M)
+        assert leg.foot.damping_n_s_m > 0.0
+    assert replace(soft, legs=believed().legs) == believed()
+
+
+def test_feet_of_which_the_file_speaks_have_no_such_tolerance():
+    kind = effect("foot_compliance")
+    soft = kind.apply(believed(), (), {"stiffness_n_m": 3e3, "damping_n_s_m": 5.0})
+    assert TIPS not in {n.name for n in nuisances(soft, 0.005)}
+
+
+@pytest.fixture(scope="module")
+def model():
+    with RobotModel(believed(), marvin(), [walked()], without=KNOWN, processes=1) as made:
+        yield made
+
+
+@pytest.mark.parametrize("where", ["all", "leg2"])
+def test_it_is_idle_beside_soft_feet_that_have_a_name(model, where):
+    sight = Sight(model, [0], ())
+    k = [n.name for n in model.nuisances].index(TIPS)
+    assert np.transpose(sight.box(()))[k].tolist() == list(tips(believed()).ends)
+    assert np.transpose(sight.box((f"foot_compliance@{where}",)))[k].tolist() == [0.0, 0.0]
+    assert np.transpose(sight.box(("gain_error@all",)))[k].tolist() == list(tips(believed()).ends)
