@@ -27,6 +27,7 @@ from .robot_replay import course
 from .robot_rest import Rest, rest_of
 from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
 from .robot_settling import RobotJudges
+from .robot_shaking import shaking, told
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
@@ -118,6 +119,7 @@ class Work:
         if taken:
             better = judge(model, self.robot, after.nuisances, extra, self.judges)
         shown = [model.features[r] for r in self.judges]
+        shaken = shaking(self.robot, shown, better)
         verdict = verdict_of(bool(causes), rest.structured)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
@@ -133,12 +135,13 @@ class Work:
             ),
             unexplained=(_unexplained(rest),) if rest.structured else (),
             next_experiment=tuple(nexts),
-            limits=self._limits(after),
+            limits=(*self._limits(after), *told(shaken, model.quantum_rad)),
             channels=self._channels(found, after),
             rejected=tuple(rejected),
             ranking=_ranking(found),
             details=self._details(found, after, rest)
-            | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}},
+            | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
+            | {"shaking_rad": dict(shaken)},
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 

@@ -76,6 +76,13 @@ def test_the_held_out_walk_is_nearer_than_before(found):
     )  # one engine: nothing differs but rounding
 
 
+def test_how_much_joints_shake_is_told_by_their_kind_and_phase(found):
+    shaken = found.document["details"]["shaking_rad"]
+    assert {name.split()[1] for name in shaken} == {"stance", "swing"}
+    assert len(shaken) == 6
+    assert not any("shake" in limit for limit in found.document["limits"])
+
+
 def test_the_mismatch_has_joints_phases_shares_and_chances(found):
     assert found.document["mismatch"]
     for place in found.document["mismatch"]:
