@@ -11,6 +11,7 @@ import typer
 
 from busemu.cli import fail
 from busemu.tables import RobotError, TableError, load_robot, robots
+from busemu.wording import amount
 
 from .options import LARGEST_SEED, within
 from .stages import stages
@@ -214,7 +215,7 @@ def _announce(robot: Robot, parts: Split) -> None:
     from .diagnosis.running import group_of
 
     judging = f"{len(parts.judging)} held out" if parts.judging else "none held out"
-    typer.echo(f"{robot.name}: {len(parts.fitted)} recordings to fit, {judging}")
+    typer.echo(f"{robot.name}: {amount(len(parts.fitted), 'recording')} to fit, {judging}")
     both = {group_of(r) for r in parts.fitted} & {group_of(r) for r in parts.judging}
     if both:
         typer.echo(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from busemu.tables import Robot
+from busemu.wording import amount
 from sim.drive import kernel
 from sim.effects import Effect
 from sim.robot import PhysicalRobot
@@ -351,7 +352,8 @@ def _limits(
     groups = {o.group for o in model.observed}
     if len(groups) < 4:
         said.append(
-            f"{len(groups)} groups of recordings: what holds for one motion may not for another"
+            f"{amount(len(groups), 'group')} of recordings: what holds for one motion may not for "
+            "another"
         )
     first = model.observed[0].replay.start
     if all(

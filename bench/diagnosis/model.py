@@ -333,7 +333,8 @@ class JointModel:
             if keep.sum() >= 5:
                 value = np.clip(value[keep], -WILD, WILD)
                 value[np.isnan(value)] = WILD
-                block = Block(samples.t_s[keep], value, extra[keep])
+                extra = np.nan_to_num(extra[keep], nan=0.0, posinf=0.0)
+                block = Block(samples.t_s[keep], value, extra)
                 blocks[r, kind] = block if kind is not Kind.VOLTAGE else averaged(block, WINDOW_S)
 
     def _gain(self, r: int) -> float:

@@ -28,6 +28,8 @@ SHARE = "(share)"  #: unit of one that lies between nothing and all, and either 
 #: of that name; and the law whose manuals do not say
 PUNCH, UNDOCUMENTED = "punch", "pid"
 PRESLIDING = "presliding"  #: nuisance of friction that gives way before it slips, and its effect
+#: share of a rotor's inertia that is left at least: a spring cannot move none
+LIGHTEST = 0.02
 MASS, CENTRE_M = 0.05, 0.003  #: tolerances of a link's mass and of where its centre is
 #: nuisances of a gear that is a spring; the stiffness is an effect's where that is a softer one
 GEAR_LEVELS = frozenset({"gear_stiffness", "gear_damping"})
@@ -90,10 +92,10 @@ class Nuisance(Reaching):
         return (value - off) / max(self.deviation * size, 1e-12)
 
 
-def _scaled(*fields: int) -> Callable[[Candidate, float], Candidate]:
+def _scaled(*fields: int, least: float = 0.0) -> Callable[[Candidate, float], Candidate]:
     def change(candidate: Candidate, x: float) -> Candidate:
         for field in fields:
-            candidate.drive[field] *= max(0.0, 1.0 + x)
+            candidate.drive[field] *= max(least, 1.0 + x)
         return candidate
 
     return change
@@ -170,7 +172,11 @@ NUISANCES = (
     Nuisance("coulomb_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.COULOMB)),
     Nuisance("viscous_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.VISCOUS)),
     Nuisance(
-        "rotor_level", "(ratio)", 0.02, "rotors of one make; assumed", _scaled(kernel.ROTOR_INERTIA)
+        "rotor_level",
+        "(ratio)",
+        0.02,
+        "rotors of one make; assumed",
+        _scaled(kernel.ROTOR_INERTIA, least=LIGHTEST),
     ),
     Nuisance("link", "(ratio)", 0.05, "mass +-5 %, centre of mass +-3 mm along it", _link),
     Nuisance("centre", "rad", 0.02, "centre of mass +-3 mm across the link", _centre),

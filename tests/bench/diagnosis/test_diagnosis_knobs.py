@@ -16,7 +16,7 @@ from sim.effects import catalogue, effect
 from sim.entries import Section
 from sim.model import read_model
 from sim.one_joint import one_joint_load
-from sim.rollout import Candidate, Load
+from sim.rollout import Batch, Candidate, Load
 
 KNOBS = {k.name: k for e in catalogue().values() for k in effect_knobs(e)}
 
@@ -229,3 +229,16 @@ def test_a_robot_file_may_say_how_sure_it_is():
     assert told["back_emf"] == entries["no_load_velocity_rad_s"]["deviation"]
     assert told["gain"] == usual["gain"]
     assert len(candidate().drive) == kernel.PARAMS
+
+
+@pytest.mark.parametrize("less", [0.9, 1.0, 4.0])
+def test_a_rotor_that_is_hardly_known_keeps_an_inertia_that_a_spring_can_move(less):
+    """Of a file whose deviation is its whole value, fits try lighter rotors than none."""
+    model = JointModel(read_model(robot()), robot(), model_of(logs(motions=["fast"])).observed)
+    sprung = model.of(model.observed, sprung=True)
+    made = sprung.candidate(Hypothesis(), np.zeros(len(sprung.nuisances)), 0)
+    (level,) = (n for n in sprung.nuisances if n.name == "rotor_level")
+    lighter = level.change(replace(made, drive=made.drive.copy()), -less)
+    assert 0.0 < lighter.drive[kernel.ROTOR_INERTIA] < made.drive[kernel.ROTOR_INERTIA]
+    (out,) = Batch([sprung.observed[0].replay], 1).run([lighter], [0])
+    assert np.abs(out).max() < 1e3

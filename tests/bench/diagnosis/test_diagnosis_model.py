@@ -21,7 +21,7 @@ from bench.diagnosis.fit import (
 )
 from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import INSTANT_S, LATEST, Hypothesis, JointModel, Kind, averaged
+from bench.diagnosis.model import INSTANT_S, LATEST, WILD, Hypothesis, JointModel, Kind, averaged
 from bench.diagnosis.noise import Block
 from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.search import NEEDED, confirm
@@ -322,3 +322,17 @@ def test_recordings_of_one_condition_share_what_hangs_there():
     extra = 0.15 * 9.81 * 0.1
     assert loaded.load.sine_nm - light.load.sine_nm == pytest.approx(extra, rel=1e-6)
     assert loaded.payload.sine_nm - light.payload.sine_nm == pytest.approx(extra, rel=1e-6)
+
+
+def test_a_rollout_that_flies_apart_is_a_large_residual_and_no_less_of_a_number(monkeypatch):
+    """A rotor without inertia on a spring: what is left must be something that noise can be of."""
+    model = model_of(logs(motions=["fast"], registers=(POSITION, DUTY, VOLTS)))
+    flown = model.of(model.observed, sprung=True)
+    run = flown._batch.run
+    monkeypatch.setattr(flown._batch, "run", lambda *told: [out * np.nan for out in run(*told)])
+    (blocks,) = flown.residuals(Hypothesis(), [np.zeros(len(flown.nuisances))])
+    assert {kind for _, kind in blocks} >= {Kind.POSITION, Kind.VOLTAGE}
+    for (_, kind), block in blocks.items():
+        assert np.isfinite(block.extra).all()
+        if kind is Kind.POSITION:
+            assert (block.value == WILD).all()
