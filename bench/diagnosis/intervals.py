@@ -10,12 +10,15 @@ the likelihood falls by what that variance allows.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
+
+from sim.stepped import TICK_S
 
 from .confidence import NORMAL, estimate, sandwich, state, stretches
 from .fit import EDGE, Around, Fit, bounds, fit
@@ -36,6 +39,9 @@ REACH = (1.0, 2.0, 4.0)  #: half widths at which an end is looked for
 #: motion (standard deviation); from 114 sizes of opened cases, of which intervals held 0.72 without
 #: it and 0.84 with it
 ENGINES_SHARE = 0.05
+#: of a delay or skew (standard deviation): where in its tick a firmware takes goals and angles is
+#: not known, up to a tick either way
+TICKS_S = TICK_S / math.sqrt(3.0)
 UNSEEN = 1e4  #: variance of a number, in its unit, whose steps change nothing
 SOON = 0.5  #: of the fall, at which the formula's end holds
 
@@ -206,12 +212,17 @@ def interval(
 
 
 def widened(found: Fit, variances: Floats, knob: Knob, k: int) -> Floats:
-    """Variances with what two sound simulations mean by number ``k``, a size of an effect."""
+    """Variances with what two sound simulations mean by number ``k``, a size of an effect.
+
+    Of a time that is also where in their ticks two firmwares take goals and angles.
+    """
     variances = variances.copy()
     if knob.logarithmic:
         variances[k] += ENGINES_SHARE**2
     elif not knob.parameter.shape:
         variances[k] += (ENGINES_SHARE * float(found.z[k])) ** 2
+        if knob.parameter.unit == "s":
+            variances[k] += (TICKS_S / knob.unit) ** 2
     return variances
 
 

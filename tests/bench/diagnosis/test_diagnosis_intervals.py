@@ -31,6 +31,7 @@ from bench.diagnosis.settling import (
 from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, explore, strayed
 from bench.diagnosis.veto import objection
 from sim.effects import effect
+from sim.stepped import TICK_S
 
 EVERY = joint_effects()
 DRAG = {"stiffness_nm_rad": 0.1, "rest_rad": 0.6}
@@ -118,6 +119,13 @@ def test_a_size_is_never_surer_than_two_engines_are_of_it(monkeypatch):
     monkeypatch.setattr(intervals, "ENGINES_SHARE", 0.3)
     low, high = estimates(model, found, "gain_error")["scale"].ci95
     assert 0.5 * (high - low) == pytest.approx(NORMAL * 0.3 * 0.3, rel=0.1)
+
+
+def test_a_delay_is_never_surer_than_where_in_their_ticks_firmwares_are():
+    model, found = fitted("transport_delay", {"delay_s": 0.006}, [1.0])
+    low, high = estimates(model, found, "transport_delay")["delay_s"].ci95
+    assert 0.5 * (high - low) >= NORMAL * TICK_S / np.sqrt(3.0)
+    assert low < 0.006 < high
 
 
 def test_few_recordings_leave_a_number_less_sure_than_many(cable):
