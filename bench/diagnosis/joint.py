@@ -31,7 +31,7 @@ from .observed import Observed
 from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
 from .renewed import load_refresh
-from .rest import Rest, rest_of
+from .rest import Rest, is_worse, rest_of
 from .result import Cause, Diagnosis, FitSummary, verdict_of
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
@@ -134,17 +134,18 @@ def diagnose_joint(
     left = block_rms(judge.residuals(after.hypothesis, [after.z])[0], Kind.POSITION)
     rest = rest_of(model, judge, after, floor, seed)
     unnamed = any(cause.effect not in seen for cause in in_data)
-    structured = unnamed or rest.structured
+    judged_before = block_rms(judge.residuals(Hypothesis(), [before.z])[0], Kind.POSITION)
+    worse = bool(causes) and is_worse(judged_before, left, floor)
+    structured = unnamed or worse or rest.structured
     verdict = verdict_of(bool(causes), structured)
     if verdict != "consistent" and not watch.late:
         rejected += supply_contradiction(model, after, tell)
-    judged_before = judge.residuals(Hypothesis(), [before.z])[0]
     diagnosis = Diagnosis(
         verdict=verdict,
         mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
         causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
         fit=FitSummary(
-            before=block_rms(judged_before, Kind.POSITION),
+            before=judged_before,
             after=left,
             noise_floor=floor,
             held_out=bool(judged),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .fit import Fit, block_rms, fit
-from .floor import engines_rad
+from .floor import engines_rad, tolerance
 from .model import Blocks, JointModel, Kind
 from .remainder import Remainder, remainder
 
@@ -46,6 +46,11 @@ def _rest(judge: JointModel, found: Fit, floor: float, seed: int) -> Rest:
     told = remainder(judge, blocks, seed)
     left = block_rms(blocks, Kind.POSITION)
     return Rest(blocks, told, is_structured(told, left, floor, engines_rad(judge)))
+
+
+def is_worse(before_rad: float, after_rad: float, floor: float) -> bool:
+    """Whether names leave more of the recordings that judge than none do, and more than noise."""
+    return after_rad > max(before_rad, tolerance(floor))
 
 
 def is_structured(rest: Remainder, left_rad: float, floor: float, engines: float) -> bool:

@@ -2,17 +2,20 @@
 
 import numpy as np
 import pytest
-from pendulum_logs import MOTIONS, logs, model_of
+from pendulum_logs import JOINT, MOTIONS, logs, model_of, robot
 
 from bench.diagnosis.floor import ENGINE_RAD, noise_floor, tolerance
-from bench.diagnosis.joint import SIGNIFICANT
+from bench.diagnosis.joint import SIGNIFICANT, diagnose_joint
 from bench.diagnosis.joint import _unexplained as left
 from bench.diagnosis.model import Kind
 from bench.diagnosis.noise import Block
+from bench.diagnosis.observed import observe
 from bench.diagnosis.regimes import EVERYWHERE, STRETCH_S, localise, regimes, shares, top_speed
 from bench.diagnosis.remainder import remainder
 from bench.diagnosis.report.telling import remains
-from bench.diagnosis.rest import Rest, is_structured
+from bench.diagnosis.rest import Rest, is_structured, is_worse
+from sim.effects import effect
+from sim.model import read_model
 
 SIZE_RAD = 0.01
 FLOOR_RAD = 0.0005
@@ -149,6 +152,30 @@ def test_a_rest_that_recordings_agree_about_is_structured(model):
     assert rest.agreeing == 1.0
     assert rest.terms[0][0] in ("direction", "velocity")
     assert 0.3 * SIZE_RAD < rest.predicted_rad < SIZE_RAD
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "worse"),
+    [(3.0, 3.1, True), (3.0, 2.9, False), (0.5, 0.9, False), (0.5, 1.1, True)],
+)
+def test_names_that_leave_more_than_none_and_more_than_noise_make_it_worse(before, after, worse):
+    noise = tolerance(FLOOR_RAD)
+    assert is_worse(before * noise, after * noise, FLOOR_RAD) is worse
+
+
+@pytest.mark.parametrize(("worse", "verdict"), [(True, "partly_explained"), (False, "explained")])
+def test_what_names_make_worse_is_not_explained(monkeypatch, worse, verdict):
+    monkeypatch.setattr("bench.diagnosis.joint.is_worse", lambda *_: worse)
+    stiff = {"gain_error": {"scale": 1.4}}
+    fitted, judged = (
+        observe(logs(stiff, motions=some), robot(), JOINT) for some in (["fast", "steps"], ["slow"])
+    )
+    found = diagnose_joint(
+        read_model(robot()), robot(), fitted, judged, effects={"gain_error": effect("gain_error")}
+    )
+    assert [cause.effect for cause in found.diagnosis.causes] == ["gain_error"]
+    assert found.diagnosis.verdict == verdict
+    assert bool(found.diagnosis.unexplained) is worse
 
 
 def test_noise_is_no_structure_however_large(model):
