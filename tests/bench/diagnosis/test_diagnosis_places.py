@@ -13,7 +13,7 @@ from bench.diagnosis.observed import observe
 from bench.diagnosis.regimes import EVERYWHERE, STRETCH_S, localise, regimes, shares, top_speed
 from bench.diagnosis.remainder import remainder
 from bench.diagnosis.report.telling import remains
-from bench.diagnosis.rest import Rest, is_structured, is_worse
+from bench.diagnosis.rest import MISFIT, Rest, is_structured, is_worse
 from sim.effects import effect
 from sim.model import read_model
 
@@ -152,6 +152,14 @@ def test_a_rest_that_recordings_agree_about_is_structured(model):
     assert rest.agreeing == 1.0
     assert rest.terms[0][0] in ("direction", "velocity")
     assert 0.3 * SIZE_RAD < rest.predicted_rad < SIZE_RAD
+
+
+@pytest.mark.parametrize(("share", "unexplained"), [(0.95, False), (1.05, True)])
+def test_what_is_far_more_than_noise_and_engines_is_unexplained(model, share, unexplained):
+    """Though no function of the joint foretells it: a loose weight has a will of its own."""
+    rest = remainder(model, planted(model, noise))
+    left = share * MISFIT * float(np.hypot(FLOOR_RAD, ENGINE_RAD))
+    assert is_structured(rest, left, FLOOR_RAD, ENGINE_RAD) is unexplained
 
 
 @pytest.mark.parametrize(
