@@ -67,13 +67,13 @@ class Overview:
     """Many recordings, a line each, and what is odd about all of them together."""
 
     rows: list[tuple[str, str, str, str]] = field(default_factory=list)
-    kinds: Counter[tuple[Weight, str]] = field(default_factory=Counter)
+    kinds: Counter[str] = field(default_factory=Counter)
 
     def add(self, recording: Recording) -> None:
         """Take a recording into account."""
         found = oddities(recording).found
         kinds = list(dict.fromkeys((o.weight, o.kind) for o in found if o.weight > Weight.NOTE))
-        self.kinds.update({(o.weight, o.kind) for o in found})
+        self.kinds.update({o.kind for o in found})
         words = ", ".join(f"[{STYLES[weight]}]{kind}[/]" for weight, kind in kinds)
         self.rows.append(
             (escape(recording.name), str(len(recording)), f"{recording.duration_s:.2f}", words)
@@ -87,7 +87,7 @@ class Overview:
         for row in self.rows:
             table.add_row(*row)
         console.print(table)
-        told = ", ".join(f"{kind} in {count}" for (_, kind), count in self.kinds.most_common())
+        told = ", ".join(f"{kind} in {count}" for kind, count in self.kinds.most_common())
         console.print(f"\n{len(self.rows)} recordings: {told or 'nothing odd'}", highlight=False)
         console.print("why it matters, and what to do: busemu inspect with one of them")
 

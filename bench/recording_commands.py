@@ -31,7 +31,8 @@ def inspect(
         Path | None, typer.Option(help="Write pictures here: motion, intervals, measurements.")
     ] = None,
     robot: Annotated[
-        str | None, typer.Option(help="Robot of recordings that name none: a name or a .toml file.")
+        str | None,
+        typer.Option(help="Robot of recordings that name none known: a name or a .toml file."),
     ] = None,
 ) -> None:
     """Show what is in recordings, and what is odd about them: where, why it matters, what to do.

@@ -41,7 +41,7 @@ def open_recordings(paths: Iterable[str | Path], robot: str | None = None) -> li
     """Read recordings of any kind: own files, foreign files, folders of them.
 
     A pair of foreign files counts once. ``robot``: name or path of a robot file for recordings that
-    name none. Raises :class:`RecordingError` and ``OSError``.
+    name none, or none that is known here. Raises :class:`RecordingError` and ``OSError``.
     """
     return [recording for path in expanded(paths) for recording in _opened(path, robot)]
 
@@ -77,7 +77,7 @@ def _opened(path: Path, robot: str | None) -> Iterator[Recording]:
         yield from import_file(path, robot=robot)
         return
     recording = read(path)
-    yield recording if "robot" in recording.metadata else _with_robot(recording, robot)
+    yield recording if recording.robot is not None else _with_robot(recording, robot)
 
 
 def _with_robot(recording: Recording, robot: str | None) -> Recording:

@@ -1,13 +1,16 @@
 """``busemu inspect`` and ``busemu import``, as a person types them."""
 
+from math import nan
+
 import numpy as np
 import pytest
 from matplotlib import image
 from programs import busemu
-from recording_samples import sample
+from recording_samples import MARVIN, read_row, sample
 
 from bench.figures.recording import MOST_POINTS, thinned
-from bench.recording import RecordingError, read, write
+from bench.importers import open_recordings
+from bench.recording import Recording, RecordingError, read, write
 
 
 def telemetry(path, rows=80):
@@ -46,6 +49,26 @@ def test_many_recordings_make_an_overview(tmp_path):
     assert done.returncode == 0, done.stderr
     assert all(f"walk{i} " in done.stdout for i in range(7))
     assert "7 recordings: " in done.stdout
+
+
+def test_an_overview_names_a_kind_once_however_it_weighs(tmp_path):
+    for lost in range(7):
+        reads = [read_row(0.01 * k, 1, nan if k < lost else 500 + k % 90) for k in range(400)]
+        write(
+            Recording.of(reads, MARVIN | {"name": f"walk{lost}"}), tmp_path / f"walk{lost}.parquet"
+        )
+    done = busemu("inspect", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("lost_replies in") == 1
+    assert "lost_replies in 6" in done.stdout
+
+
+def test_a_robot_of_the_command_line_is_that_of_recordings_that_name_an_unknown_one(tmp_path):
+    path = write(sample(robot="nobody"), tmp_path / "walk.parquet")
+    assert "'nobody' is not known here" in busemu("inspect", path).stdout
+    assert "is not known here" not in busemu("inspect", path, "--robot", "marvin").stdout
+    (known,) = open_recordings([write(sample(), tmp_path / "own.parquet")], "phantomx")
+    assert known.robot.name == "marvin"
 
 
 def test_a_wrong_file_among_others_is_named_and_the_others_are_shown(tmp_path):
