@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .fit import EDGE
 from .knobs import Knob
-from .result import Estimate
+from .result import DEAD, Estimate
 
 Floats = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def state(
     nearest = max(free, key=lambda j: alike[j], default=k)
     at = float(z[k])
     if believed[k, k] > BLIND:
-        return "dead"
+        return DEAD
     if deviation > WIDE * max(1.0, abs(at)):
         return "flat"
     if at <= low + EDGE or at >= high - EDGE:
@@ -68,6 +68,10 @@ def state(
 
 
 def estimate(knob: Knob, z: float, ends: Iterable[float], said: str) -> Estimate:
-    """A knob's value with the ends of its interval (values stay in their bounds), and its state."""
+    """A knob's value with the ends of its interval (values stay in their bounds), and its state.
+
+    A dead number that nothing moved from off is off, not a rounding away from it.
+    """
+    z = 0.0 if said == DEAD and abs(z) < EDGE else z
     values = [knob.value(end) for end in ends]
     return Estimate(knob.value(z), (min(values), max(values)), knob.parameter.unit, said)

@@ -32,6 +32,7 @@ from .joint import JointFindings
 from .model import Blocks, Kind
 from .noise import Noise
 from .nuisances import PRESLIDING, PUNCH, Nuisance
+from .result import DEAD
 
 Floats = NDArray[np.float64]
 
@@ -78,15 +79,13 @@ def additions(findings: Sequence[JointFindings], on: date) -> list[Addition]:
         for cause in found.diagnosis.causes:
             if cause.effect not in found.after.hypothesis.effects and cause.probability < 0.5:
                 continue  # seen in the data, and as likely something else
+            off = effect(cause.effect).off
             estimates = {
                 name: moved.get((cause.effect, name), Estimate(e.value, told, e.ci95))
                 for name, e in cause.parameters.items()
+                if e.state != DEAD or e.value != off[name]
             }
-            estimates = {
-                name: e
-                for name, e in estimates.items()
-                if e.value != effect(cause.effect).off[name]
-            }
+            estimates = {name: e for name, e in estimates.items() if e.value != off[name]}
             made.append(Addition(effect(cause.effect), _where(cause.effect, joint), estimates))
     made = [addition for addition in made if addition.estimates]
     return made if len(findings) == 1 else _of_arm(made, len(findings))

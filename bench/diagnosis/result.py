@@ -38,6 +38,9 @@ WRONG_VALUES = frozenset(
 )
 
 
+DEAD = "dead"  #: state of a parameter that recordings do not depend on: its value means nothing
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """A parameter with its 95 % interval."""

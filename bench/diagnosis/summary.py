@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from .report import telling, words
-from .result import Cause, Diagnosis
+from .result import DEAD, Cause, Diagnosis
 
 COLOURS = {
     "consistent": "green",
@@ -67,6 +67,9 @@ def _cause(cause: Cause) -> list[str]:
         f"held-out gain {words.nats(cause.held_out_gain_nats)}",
     ]
     for name, estimate in cause.parameters.items():
+        if estimate.state == DEAD:
+            lines.append(f"  {name}: {telling.UNSEEN}")
+            continue
         lines.append(
             f"  {name} = {words.quantity(estimate.value, estimate.unit)}, 95 % "
             f"{telling.interval(estimate)}; {estimate.state}"

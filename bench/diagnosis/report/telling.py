@@ -29,6 +29,7 @@ REGISTERS = MappingProxyType({"duty": "load or duty", "voltage": "voltage"})
 HARDLY = 1.02  #: times the misfit of positions that is no worse, where another register is better
 QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
 BETTER = 0.8  #: of the misfit before: what is below it got better
+UNSEEN = "cannot be seen in these recordings"  #: of a parameter that is dead
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
 
 

@@ -61,6 +61,12 @@ def test_an_interval_ends_at_the_bounds_and_in_order():
     assert told.value == KNOB.value(INSIDE)
 
 
+@pytest.mark.parametrize(("said", "value"), [("dead", KNOB.value(0.0)), ("flat", KNOB.value(1e-9))])
+def test_a_dead_number_that_was_not_moved_is_off(said, value):
+    assert estimate(KNOB, 1e-9, (LOW, HIGH), said).value == value
+    assert estimate(KNOB, INSIDE, (LOW, HIGH), said).value == KNOB.value(INSIDE)
+
+
 def test_stretches_never_reach_over_two_blocks():
     times = np.array([0.0, 0.4 * STRETCH_S, 1.2 * STRETCH_S])
     assert stretches([times, times]).tolist() == [0, 0, 1, 2, 2, 3]

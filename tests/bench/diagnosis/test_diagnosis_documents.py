@@ -287,6 +287,26 @@ def test_where_something_is_left_the_better_model_foretells_best(half, tmp_path)
         assert "least squares" in told["source"]
 
 
+@pytest.mark.parametrize("state", ["dead", "pinned"])
+def test_a_number_that_recordings_cannot_show_is_not_in_the_better_model(
+    state, tmp_path, monkeypatch
+):
+    """A centre of mass along the joint's axis: whatever least squares make of it."""
+    model = model_of(logs(motions=["slow"], duration_s=0.5))
+    off = np.zeros(len(model.nuisances))
+    fitted, moved = (np.append(off, [1.0, y, 1.0]) for y in (1e-9, 1e-10))
+    after = Fit(Hypothesis(effect_knobs(effect("com_offset"))), fitted, {}, 0.0)
+    numbers = {axis: Estimate(0.005, (0.0, 0.01), "m") for axis in ("x_m", "z_m")}
+    numbers["y_m"] = Estimate(0.0, (-0.1, 0.1), "m", state)
+    cause = Cause("com_offset", (JOINT,), numbers, 9.0, 0.5, 0.9, ())
+    diagnosis = SimpleNamespace(causes=(cause,), verdict="explained")
+    found = SimpleNamespace(model=model, after=after, diagnosis=diagnosis)
+    monkeypatch.setattr("bench.diagnosis.improved.carried", lambda *_: moved)
+    better, _ = loaded([found], tmp_path / "model.toml")
+    (told,) = [e for e in better.document["effect"] if e["name"] == "com_offset"]
+    assert ("y_m" in told["parameters"]) is (state != "dead")
+
+
 # --- the next experiment
 
 

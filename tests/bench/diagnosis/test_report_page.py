@@ -222,6 +222,16 @@ def test_the_page_says_what_was_found(parts):
         assert words in text
 
 
+def test_a_parameter_that_recordings_cannot_show_has_no_size():
+    blind = {"size_m": Estimate(0.0, (-0.1, 0.1), "m", "dead"), **CAUSE.parameters}
+    told = replace(FOUND, causes=(replace(CAUSE, parameters=blind),))
+    for text in (printed(told), Parts(report_page(told, TRACES, ORIGIN)).text):
+        (line,) = [line for line in text.splitlines() if "cannot be seen" in line]
+        assert "0.1" not in line
+        assert "-0.1 to 0.1" not in text
+        assert "0.0098 to 0.0112 rad" in text
+
+
 def test_a_pair_comes_with_the_experiment_that_separates_it(page):
     pairs = page[page.index('id="pairs"') : page.index('id="left"')]
     assert TOLD in pairs
