@@ -97,7 +97,6 @@ def diagnose_joint(
     start_blocks, floor, floors = view.start, view.floor, view.floors
     tell = watch.tell
     after, taken, effects = settled.after, settled.taken, settled.effects
-    rejected = list(settled.rejected)
     found, nexts = [], []
     for gain in taken:
         probability, close, fits, without = (
@@ -105,6 +104,8 @@ def diagnose_joint(
             if watch.late
             else rivals(model, after, gain.effect, effects, settled.confirmed, tell)
         )
+        close = [rival for rival in close if rival.effect not in settled.refuted]
+        fits = {rival.effect: fits[rival.effect] for rival in close if rival.effect in fits}
         if fits and not watch.late:
             tell(f"what would tell {gain.effect} from its rivals")
             nexts += next_experiments(model, after, fits, gain.inflation)
@@ -130,6 +131,7 @@ def diagnose_joint(
     pushed = None if PLAY in after.hypothesis.effects else play(observed)
     if pushed is not None and PLAY in effects:
         causes.append(play_cause(pushed, observed[0].joint, after.noise[Kind.POSITION].total))
+    rejected = told_once(settled.rejected, causes)
     tell("looking at what is left")
     left = block_rms(judge.residuals(after.hypothesis, [after.z])[0], Kind.POSITION)
     rest = rest_of(model, judge, after, floor, seed)
@@ -173,6 +175,7 @@ def diagnose_joint(
         details=({"stopped": watch.stopped} if watch.stopped else {})
         | {
             "rollouts": model.rollouts,
+            "taken_back": [row["effect"] for row in settled.rejected],
             "gear": "as the robot file has it" if model.sprung else "rigid",
             "nuisances": {
                 n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
@@ -264,6 +267,17 @@ def unlike(view: View) -> frozenset[str]:
     for one in judge.observed:
         groups.setdefault(one.group, []).append(one.name)
     return frozenset(name for names in groups.values() for name in names[: len(names) // 2])
+
+
+def told_once(
+    rejected: Sequence[Mapping[str, Any]], causes: Sequence[Cause]
+) -> list[Mapping[str, Any]]:
+    """What is rejected, without what stands beside a cause as what it could be instead.
+
+    A name that does not hold beside others may fit as well in the place of one of them.
+    """
+    rivals = {rival.effect for cause in causes for rival in cause.indistinguishable_from}
+    return [row for row in rejected if row["effect"] not in rivals]
 
 
 def _mismatch(

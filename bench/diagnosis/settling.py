@@ -52,6 +52,7 @@ class Denied:
     because: str
     needed: float = 0.0
     again: bool = True  #: whether a search without it may find another
+    refuted: bool = False  #: its size or a register speaks against it, not only recordings
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +73,7 @@ class Settled:
     confirmed: Sequence[Gain]
     effects: Mapping[str, Effect]
     rejected: Sequence[Mapping[str, Any]]
+    refuted: Collection[str] = ()  #: those of the rejected that cannot be what another could be
 
     @property
     def thought_of(self) -> Sequence[str]:
@@ -95,6 +97,7 @@ def settle(
     name is left, the fit is the deeper of those without one.
     """
     rejected: list[Mapping[str, Any]] = []
+    refuted: set[str] = set()
     needed = 0.0
     after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
     while True:
@@ -111,12 +114,13 @@ def settle(
         if denied is None:
             if not taken:
                 after = min(before, after, key=lambda found: found.cost)
-            return Settled(after, taken, confirmed, effects, rejected)
+            return Settled(after, taken, confirmed, effects, rejected, refuted)
         needed = max(needed, denied.needed)
         name = denied.gain.effect
         rejected.append(
             {"effect": name, "gain_nats": float(denied.gain.deflated), "because": denied.because}
         )
+        refuted |= {name} if denied.refuted else set()
         effects = {other: e for other, e in effects.items() if other != name}
         if len(rejected) == 1 and denied.again and watch.stopped is None:
             after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
@@ -135,7 +139,7 @@ def _objected(
     """A name that something speaks against, or that explains far less than one taken back."""
     for gain in taken:
         if (why := objection(model, after, gain, effects)) is not None:
-            return Denied(gain, why, BEHIND * gain.deflated)
+            return Denied(gain, why, BEHIND * gain.deflated, refuted=True)
     if taken and taken[0].deflated < needed:
         return Denied(taken[-1], BETTER)
     return None

@@ -32,7 +32,8 @@ def names_at(diagnosis: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
         enough = best is not None and float(best[key]) >= NEEDED
         found[stage] = (str(best["effect"]),) if best is not None and enough else ()
     answer = tuple(str(cause["effect"]) for cause in diagnosis["causes"])
-    back = tuple(str(row["effect"]) for row in diagnosis.get("rejected", ()) if "gain_nats" in row)
+    rejected = [row["effect"] for row in diagnosis.get("rejected", ()) if "gain_nats" in row]
+    back = tuple(map(str, diagnosis.get("details", {}).get("taken_back", rejected)))
     return found | {"left_out": answer + back, "answer": answer}
 
 

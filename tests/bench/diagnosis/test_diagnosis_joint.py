@@ -7,9 +7,12 @@ import pyarrow as pa
 import pytest
 from pendulum_logs import JOINT, MOTIONS, POSITION, logs, robot
 
+from bench.diagnosis import joint
 from bench.diagnosis.joint import diagnose_joint
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import Channel, observe
+from bench.diagnosis.result import Rival
+from bench.diagnosis.settling import settle
 from sim.effects import effect
 from sim.model import read_model
 
@@ -97,6 +100,30 @@ def test_a_motion_that_alone_reaches_a_limit_is_fitted_after_all_if_it_was_repea
     assert cause.parameters["duty"].value == pytest.approx(0.4, rel=0.1)
     assert found.verdict == "explained"
     assert any(f"{steps[0].name} of them were fitted after all" in told for told in found.limits)
+
+
+def test_a_name_is_told_once_as_a_rival_or_as_rejected(monkeypatch):
+    """A rival that was taken back stands beside the cause; one that was refuted does not."""
+    back = ("gain_error", "torque_constant", "cable_drag")
+    rows = [{"effect": name, "gain_nats": 9.0, "because": "so"} for name in back]
+
+    def settled(*told):
+        return replace(settle(*told), rejected=rows, refuted={"gain_error"})
+
+    def in_its_place(model, now, name, *_):
+        close = [Rival(other, (JOINT,), 0.3, 1.0) for other in back[:2]]
+        return 0.4, close, {rival.effect: now for rival in close}, now
+
+    monkeypatch.setattr(joint, "settle", settled)
+    monkeypatch.setattr(joint, "rivals", in_its_place)
+    monkeypatch.setattr(joint, "next_experiments", lambda _, __, fits, ___: list(fits))
+    observed = observe(logs(TRUTH, ("steps", "slow")), robot(), JOINT)
+    found = diagnose_joint(read_model(robot()), robot(), observed, effects=LIMIT).diagnosis
+    (cause,) = found.causes
+    assert [rival.effect for rival in cause.indistinguishable_from] == ["torque_constant"]
+    assert found.next_experiment == ("torque_constant",)
+    assert [row["effect"] for row in found.rejected] == ["gain_error", "cable_drag"]
+    assert tuple(found.details["taken_back"]) == back
 
 
 def test_recordings_that_judge_and_are_like_those_that_were_fitted_are_not_fitted():

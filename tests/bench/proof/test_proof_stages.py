@@ -48,6 +48,8 @@ def test_names_taken_back_stand_at_the_stage_before():
     names = names_at(told)
     assert names["left_out"] == ("cable_drag",)
     assert names["answer"] == ()
+    beside = told | {"details": {"taken_back": ["cable_drag", "punch"]}}  # one is told as a rival
+    assert names_at(beside)["left_out"] == ("cable_drag", "punch")
 
 
 def test_every_stage_is_scored_on_the_same_cases():
