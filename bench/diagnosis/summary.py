@@ -37,7 +37,7 @@ def show(diagnosis: Diagnosis, console: Console, written: Sequence[Path], model:
     _rows(grid, "where", telling.places(diagnosis)[:PLACES])
     for cause in diagnosis.causes:
         _rows(grid, "cause", _cause(cause))
-    _rows(grid, "channels", [_channel(channel) for channel in diagnosis.channels])
+    _rows(grid, "channels", [_channel(channel, diagnosis) for channel in diagnosis.channels])
     _rows(grid, "rejected", [": ".join(telling.rejection(r)) for r in diagnosis.rejected])
     _rows(grid, "left", [telling.remains(u) for u in diagnosis.unexplained])
     _rows(grid, "limits", diagnosis.limits)
@@ -83,7 +83,7 @@ def _cause(cause: Cause) -> list[str]:
     return lines
 
 
-def _channel(channel: Mapping[str, Any]) -> str:
+def _channel(channel: Mapping[str, Any], diagnosis: Diagnosis) -> str:
     name = words.PATHS.get(channel["channel"], channel["channel"])
     before, after = (telling.measured(channel, key) for key in ("rms_before", "rms_after"))
-    return f"{name}: {before} -> {after}; {telling.channel_finding(channel)}"
+    return f"{name}: {before} -> {after}; {telling.channel_finding(channel, diagnosis)}"

@@ -29,6 +29,7 @@ REGISTERS = MappingProxyType({"duty": "load or duty", "voltage": "voltage"})
 HARDLY = 1.02  #: times the misfit of positions that is no worse, where another register is better
 QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
 BETTER = 0.8  #: of the misfit before: what is below it got better
+SAME = 0.98  #: of the same: what is above it did not change
 UNSEEN = "cannot be seen in these recordings"  #: of a parameter that is dead
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
 
@@ -173,19 +174,30 @@ def places(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def channel_finding(channel: Mapping[str, Any]) -> str:
-    """What a channel's residual says of its part of the way."""
+def channel_finding(channel: Mapping[str, Any], diagnosis: Diagnosis) -> str:
+    """What a channel's residual says of its part of the way.
+
+    A register that is read at another instant than its value was made leaves many times its
+    rounding where nothing is wrong. So more than rounding is a finding only where the verdict finds
+    that something is left.
+    """
     rounding, after, before = (channel[k] for k in ("rounding", "rms_after", "rms_before"))
     better = after <= BETTER * before
+    clear = "explained" if better else "cleared"
     noise = channel.get("noise")
     if (after if noise is None else noise) <= QUIET * rounding:
-        left = "nothing is left but rounding and the uncertain instants of samples"
-        return f"explained: {left}" if better else f"cleared: {left}"
+        return f"{clear}: nothing is left but rounding and the uncertain instants of samples"
     if after <= SMALL.get(channel["channel"], 0.0):
-        return f"{'explained' if better else 'cleared'}: what is left is too little to matter"
-    if better:
-        return "better, but more than rounding is left"
-    return "no better: more than rounding is left, and what was named does not touch it"
+        return f"{clear}: what is left is too little to matter"
+    if not diagnosis.unexplained:
+        if channel["channel"] == "position":
+            return f"{clear}: what is left is no more than noise and what two simulations differ by"
+        told = "better: nothing else that" if better else "no fault is seen: nothing that"
+        return f"{told} was tried makes it much smaller"
+    if better or after <= SAME * before:
+        return f"{'' if better else 'a little '}better, but more than rounding is left"
+    untouched = ", and what was named does not touch it" if diagnosis.causes else ""
+    return f"no better: more than rounding is left{untouched}"
 
 
 def rejection(rejected: Mapping[str, Any]) -> tuple[str, str]:

@@ -326,14 +326,28 @@ def test_the_summary_says_what_to_do_next():
 
 def test_a_part_that_follows_its_law_is_cleared():
     duty = FOUND.channels[1]
-    assert channel_finding(duty).startswith("cleared")
-    assert "too little to matter" in channel_finding(duty | {"noise": 0.003})
+    assert channel_finding(duty, FOUND).startswith("cleared")
+    assert "too little to matter" in channel_finding(duty | {"noise": 0.003}, FOUND)
     supply = {"channel": "voltage", "rms_before": 0.15, "rms_after": 0.15, "rounding": 0.03}
-    assert channel_finding(supply | {"noise": 0.04}).startswith("cleared")
-    assert channel_finding(supply | {"noise": 0.15}).startswith("no better")
-    off = duty | {"noise": 0.1, "rms_before": 0.1, "rms_after": 0.1}
-    assert channel_finding(off).startswith("no better")
-    assert channel_finding(off | {"rms_after": 0.05}).startswith("better")
+    assert channel_finding(supply | {"noise": 0.04}, FOUND).startswith("cleared")
+
+
+@pytest.mark.parametrize("channel", ["position", "duty", "voltage"])
+def test_more_than_rounding_is_a_finding_only_where_the_verdict_finds_something_left(channel):
+    off = {"channel": channel, "rms_before": 1.0, "rms_after": 1.0, "rounding": 1e-3, "noise": 1.0}
+    nothing = replace(FOUND, verdict="consistent", causes=(), unexplained=())
+    for after, left in (
+        (1.0, "no better: "),
+        (0.95, "a little better, but "),
+        (0.5, "better, but "),
+    ):
+        row = off | {"rms_after": after}
+        assert channel_finding(row, FOUND).startswith(left + "more than rounding")
+        assert "more than rounding" not in channel_finding(row, nothing)
+    assert "what was named" in channel_finding(off, FOUND)
+    assert "what was named" not in channel_finding(off, replace(FOUND, causes=()))
+    clear = {"position": "cleared"}.get(channel, "no fault is seen")
+    assert channel_finding(off, nothing).startswith(clear)
 
 
 def test_the_picture_looks_closely_where_the_model_is_farthest_off():
