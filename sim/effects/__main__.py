@@ -68,6 +68,7 @@ def _section(effect: Effect) -> list[str]:
         "",
         f"Acts on {PLACES[effect.scope]}; enters in the {effect.enters}. Source: {effect.source}.",
         "",
+        *([effect.note, ""] if effect.note else []),
         "| parameter | unit | bounds | typical | off | source |",
         "| --- | --- | --- | --- | --- | --- |",
     ]

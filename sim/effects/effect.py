@@ -79,6 +79,7 @@ class Effect:
     source: str
     parameters: tuple[Parameter, ...]
     change: Callable[[PhysicalRobot, frozenset[str], Values], PhysicalRobot]
+    note: str = ""  #: what else a user has to know, in sentences
 
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name. Raises :class:`PhysicsError`."""

@@ -34,4 +34,9 @@ EFFECT = Effect(
         ),
     ),
     change=on_masses(scaled),
+    note=(
+        "The scale is that of the body alone. A weight that is put on it (`[payload]`, "
+        "`payload_kg` of a recording) stays as it is; an effect `payload` that stands before this "
+        "one in the file is part of the body by then."
+    ),
 )

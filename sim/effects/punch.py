@@ -24,5 +24,12 @@ EFFECT = Effect(
             source="32 of 1023, ROBOTIS e-manual",
         ),
     ),
+    note=(
+        "It adds to what the register `punch` holds. Of AX servos the manual draws that this is "
+        "added to the duty; of servos with PID gains that have the register (XL-320, MX with "
+        "Protocol 1.0, STS3215) nobody documents it, and the emulator adds it: `punch_left_out` "
+        "takes it away. A diagnosis fits that share as a tolerance, so that on them a dead zone as "
+        "small as the register's punch is no finding."
+    ),
     change=on_drives(lambda d, v: replace(d, punch_more=d.punch_more + v["duty"])),
 )

@@ -233,6 +233,19 @@ def test_link_mass_scales_what_it_names() -> None:
     assert heavy.trunk_mass.mass_kg == pytest.approx(1.2 * base.trunk_mass.mass_kg)
 
 
+def test_link_mass_leaves_a_weight_that_is_put_on_as_it_is() -> None:
+    rig = load_robot("pendulum")
+    bare = changed(rig, "payload", to=None)
+    loads = [
+        one_joint_load(read_model(with_effect(one, "link_mass", ["arm"], scale=scale))).gravity_nm
+        for scale in (1.0, 1.5)
+        for one in (rig, bare)
+    ]
+    assert loads[0] - loads[1] == pytest.approx(loads[2] - loads[3])
+    assert loads[0] > loads[1]
+    assert loads[3] == pytest.approx(1.5 * loads[1])
+
+
 def test_a_robot_found_lighter_than_believed_gets_shorter_steps(make: Make) -> None:
     robot = load_robot("phantomx")
     light = make(with_effect(robot, "link_mass", [], scale=0.8))
