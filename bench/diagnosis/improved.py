@@ -27,7 +27,7 @@ from busemu.tables import Robot
 from sim.effects import Effect, Parameter, Scope, effect
 from sim.model import Addition, Estimate, with_additions
 
-from .fit import block_rms, bounds, estimate_noise, least_squares
+from .fit import EDGE, block_rms, bounds, estimate_noise, least_squares
 from .joint import JointFindings
 from .model import Blocks, Kind
 from .noise import Noise
@@ -192,7 +192,7 @@ def _white(blocks: Blocks) -> Noise:
 def _nuisances(found: JointFindings, vector: Floats, joint: str, told: str) -> list[Addition]:
     made = []
     for nuisance, z in zip(found.model.nuisances, vector.tolist(), strict=False):
-        if nuisance.name not in PLACES or z == 0.0:
+        if nuisance.name not in PLACES or abs(z) < EDGE:  # or a rounding
             continue
         there, parameter = _place(nuisance.name)
         value = nuisance.value(z, parameter.off, _size(found, nuisance))

@@ -23,6 +23,8 @@ from .inline import svg
 from .pictures import motion_picture, recordings_picture, regime_picture, time_picture
 from .traces import Trace, typical, worst
 
+WORTH_A_LINE = 1.0  #: gain [nats, deflated] from which a hypothesis is listed
+
 
 @dataclass(frozen=True, slots=True)
 class Origin:
@@ -39,13 +41,17 @@ class Origin:
 
 def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -> str:
     """The page as text."""
+    ranking = _ranking(diagnosis)
+    listed = [row for row in ranking if row["taken"] or row["deflated_nats"] >= WORTH_A_LINE]
     return _template().render(
         d=diagnosis,
         origin=origin,
         words=words,
         telling=telling,
         pictures=_pictures(diagnosis, traces),
-        ranking=_ranking(diagnosis),
+        ranking=listed,
+        next_to_nothing=len(ranking) - len(listed),
+        worth_a_line=WORTH_A_LINE,
         pairs=[pair for cause in diagnosis.causes for pair in _pairs(diagnosis, cause)],
         details=_details(diagnosis),
         cautions=telling.cautions(diagnosis),
@@ -98,12 +104,18 @@ def _svg(figure: Any, name: str, title: str) -> Markup:
 
 
 def _ranking(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Confirmed hypotheses by joint, the best first, with the length of their bars [%]."""
+    """Confirmed hypotheses by joint, the best first, with the length of their bars [%].
+
+    One that was fitted from several beginnings stands there once, with its best fit.
+    """
     most = max([1.0, *(float(row["deflated_nats"]) for row in diagnosis.ranking)])
     ordered = sorted(
         diagnosis.ranking,
         key=lambda row: (row.get("joint", ""), len(row["with"]), -float(row["deflated_nats"])),
     )
+    best: dict[tuple[str, ...], Mapping[str, Any]] = {}
+    for row in ordered:
+        best.setdefault((row.get("joint", ""), row["effect"], *sorted(row["with"])), row)
     return [
         dict(row)
         | {
@@ -111,7 +123,7 @@ def _ranking(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "taken": {row["effect"], *row["with"]} <= _chosen(diagnosis, row.get("joint")),
             "enough": float(row["deflated_nats"]) >= NEEDED,
         }
-        for row in ordered
+        for row in best.values()
     ]
 
 

@@ -41,7 +41,9 @@ def motion_picture(trace: Trace, floor_rad: float) -> Figure:
             (trace.before_rad, BEFORE, "model before", 1.5),
             (trace.after_rad, AFTER, "model after", 1.1),
         ):
-            axes.plot(*_thin(t[part], np.degrees(values[part])), color=colour, lw=width, label=name)
+            if not np.isnan(values).all():
+                line = _thin(t[part], np.degrees(values[part]))
+                axes.plot(*line, color=colour, lw=width, label=name)
         axes.set_ylabel("angle [°]")
     whole.axvspan(start, end, color=BAND, lw=0.0, zorder=0)
     whole.set_title("motion")

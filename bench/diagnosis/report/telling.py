@@ -278,7 +278,8 @@ def advice(diagnosis: Diagnosis) -> list[str]:
         )
     if diagnosis.unexplained:
         told.append(
-            "look at what is left in the report: where it lives says what kind of physics it is"
+            "read What is left in report.html: where it lives and what it goes with says what kind "
+            "of physics it is, or which number of the robot file is farther off than its tolerance"
         )
     if not diagnosis.fit.held_out:
         told.append(
@@ -307,7 +308,11 @@ def advice(diagnosis: Diagnosis) -> list[str]:
 
 def measured(channel: Mapping[str, Any], key: str) -> str:
     """A value of a channel's row, in the unit people know it by."""
-    value, kind = float(channel[key]), channel["channel"]
+    return in_its_unit(float(channel[key]), channel["channel"])
+
+
+def in_its_unit(value: float, kind: str) -> str:
+    """A deviation of a channel, in the unit people know it by."""
     if kind == "duty":
         return f"{number(100.0 * value, 2)} %"
     return degrees(value) if kind == "position" else quantity(value, UNITS.get(kind, ""))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bench.diagnosis.joint import JointFindings
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.regimes import regimes, top_speed
+from sim.drive import kernel
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -21,7 +22,8 @@ class Trace:
     """One joint in one recording; arrays of shape (n,), angles the servo's own.
 
     ``before`` and ``after`` are the modelled positions as the believed and the better model have
-    them at the instants of ``measured_rad``; ``parts`` are masks over the same samples, by regime.
+    them at the instants of ``measured_rad``; ``goal_rad`` is NaN where no goal is an angle;
+    ``parts`` are masks over the same samples, by regime.
     """
 
     name: str
@@ -67,11 +69,13 @@ def traces_of(found: JointFindings) -> list[Trace]:
         t, measured = samples.t_s[good], samples.value[good]
         goal_t, goal = observed.goal
         latest = np.maximum(np.searchsorted(goal_t, t, side="right") - 1, 0)
+        angular = observed.replay.start[kernel.MODE] == kernel.MODE_POSITION
+        goals = goal[latest] if angular else np.full(len(t), np.nan)
         before, after = (measured - blocks[r, Kind.POSITION].value for blocks in residuals)
         parts = {name: mask[good] for name, mask in regimes(observed, fastest).items()}
         traces.append(
             Trace(
-                observed.name, observed.group, observed.joint, t, goal[latest], measured, before,
+                observed.name, observed.group, observed.joint, t, goals, measured, before,
                 after, parts,
             )
         )  # fmt: skip

@@ -52,6 +52,31 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+#: what is never exactly as believed, for a reader who does not know its name
+TOLERANCES: Mapping[str, str] = MappingProxyType(
+    {
+        "torque_constant": "strength of the motor",
+        "back_emf": "back-EMF beside it",
+        "coulomb_level": "dry friction",
+        "viscous_level": "friction growing with speed",
+        "rotor_level": "inertia of the rotor",
+        "link": "mass of the link",
+        "centre": "centre of mass across the link",
+        "payload": "weight that was put on",
+        "load_inertia": "inertia of link and weight",
+        "zero": "zero of the angle",
+        "tilt": "tilt of the stand",
+        "tilt_across": "tilt of the stand across",
+        "sampling": "instants of samples",
+        "supply": "voltage of the supply",
+        "gain": "gain of the controller",
+        "punch": "share of the punch left out",
+        "presliding": "way before friction slips",
+        "gear_stiffness": "stiffness of the gear",
+        "gear_damping": "damping of the gear",
+    }
+)
+
 PHASES: Mapping[str, str] = MappingProxyType(
     {
         "at_rest": "at rest",
@@ -129,6 +154,15 @@ def quantity(value: float | None, unit: str) -> str:
     if unit == "s" and abs(value) < 0.1:
         return f"{number(1e3 * value)} ms"
     return number(value) if unit == "(ratio)" else f"{number(value)} {unit}"
+
+
+def difference(value: float, unit: str) -> str:
+    """How far a number is from what was believed; of ratios in per cent, of logarithms a factor."""
+    if unit in ("(ratio)", "(share)"):
+        return f"{100.0 * value:+.1f} %"
+    if unit == "(logarithm)":
+        return f"times {number(math.exp(value))}"
+    return quantity(value, unit)
 
 
 def degrees(value_rad: float) -> str:

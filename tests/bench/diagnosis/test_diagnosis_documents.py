@@ -214,6 +214,13 @@ def test_whatever_a_fit_may_take_can_be_written_and_loaded(name, z, tmp_path):
     loaded_with(name, z, tmp_path / "model.toml")
 
 
+@pytest.mark.parametrize(("z", "there"), [(1e-9, False), (-1e-9, False), (0.01, True)])
+def test_a_nuisance_that_is_a_rounding_away_is_as_believed(z, there, tmp_path):
+    loaded_with("zero", z, tmp_path / "model.toml")
+    effects = load_robot(tmp_path / "model.toml").document.get("effect", [])
+    assert ("zero_offset" in [e["name"] for e in effects]) is there
+
+
 @pytest.mark.parametrize(
     ("name", "z"),
     [

@@ -12,8 +12,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bench.diagnosis.nuisances import NUISANCES
 from bench.diagnosis.report import Origin, Trace, report_page, write_report
-from bench.diagnosis.report.pictures import CLOSE_S, MOST_JOINTS, regime_picture, worst_stretch
+from bench.diagnosis.report.pictures import (
+    CLOSE_S,
+    MOST_JOINTS,
+    motion_picture,
+    regime_picture,
+    worst_stretch,
+)
 from bench.diagnosis.report.telling import (
     cautions,
     channel_finding,
@@ -22,7 +29,7 @@ from bench.diagnosis.report.telling import (
     unfinished,
 )
 from bench.diagnosis.report.traces import typical, worst
-from bench.diagnosis.report.words import meaning
+from bench.diagnosis.report.words import TOLERANCES, meaning
 from bench.diagnosis.result import (
     VERDICTS,
     Cause,
@@ -157,6 +164,11 @@ def parts(page):
     return Parts(page)
 
 
+def cells(page):
+    """The text with a space between any two cells."""
+    return " ".join(re.sub("<[^>]+>", " ", page).split())
+
+
 def printed(diagnosis):
     console = Console(file=io.StringIO(), width=400)
     show(diagnosis, console, [], "out/model.toml")
@@ -258,6 +270,8 @@ def test_joints_have_panels_of_their_own():
 
 
 def test_of_several_joints_each_has_its_own_ranking_and_details():
+    row = {"before": 0.02, "after": 0.01, "noise_floor": 0.001, "verdict": "partly_explained"}
+    row |= {"effects": ["backlash"]} | dict(FOUND.details)
     arm = replace(
         FOUND,
         ranking=tuple(
@@ -265,15 +279,55 @@ def test_of_several_joints_each_has_its_own_ranking_and_details():
             for joint, nats in (("wrist", 90.0), ("arm", 30.0))
         ),
         rejected=({"effect": "punch", "joint": "wrist", "because": "it must not"},),
-        details={"joints": {"arm": FOUND.details, "wrist": dict(FOUND.details) | {"rollouts": 7}}},
+        details={"joints": {"arm": row, "wrist": row | {"rollouts": 7, "effects": []}}},
     )
     text = " ".join(Parts(report_page(arm, TRACES[:1], ORIGIN)).text.split())
     ranking = text[text.rindex("Ranking of hypotheses") : text.rindex("What else it could be")]
     assert ranking.index("backlash of arm") < ranking.index("backlash of wrist")
     assert ranking.count(" named") == 1  # at the arm only: the wrist's is not among the causes
     assert "punch of wrist: it must not" in text
+    told = cells(report_page(arm, TRACES[:1], ORIGIN))
+    assert "arm 1.15° 0.573° 0.057° partly explained backlash" in told
+    assert "wrist 1.15° 0.573° 0.057° partly explained nothing" in told
     assert "12,345 rollouts" in text
     assert "wrist 7 rollouts" in text
+
+
+def test_a_hypothesis_that_was_fitted_twice_has_one_line():
+    again = dict(FOUND.ranking[0]) | {"deflated_nats": 20.0}
+    text = report_page(replace(FOUND, ranking=(again, *FOUND.ranking)), TRACES, ORIGIN)
+    ranking = text[text.index('id="ranking"') : text.index('id="pairs"')]
+    assert ranking.count("<td>backlash</td>") == 1
+    assert '<td class="n">30.0</td>' in ranking
+
+
+def test_what_is_next_to_nothing_has_no_line(page):
+    ranking = page[page.index('id="ranking"') : page.index('id="pairs"')]
+    assert "<td>punch</td>" not in ranking
+    assert "1 more gained less than 1 nat" in ranking
+    small = {"value": 1e-13, "deviations": 1e-11, "unit": "rad"}
+    some = {
+        "tilt": small,
+        "link": {"value": -0.104, "deviations": -2.0, "unit": "(ratio)"},
+        "gear_damping": {"value": math.log(2.0), "deviations": 0.5, "unit": "(logarithm)"},
+    }
+    details = dict(FOUND.details) | {"nuisances": some}
+    text = cells(report_page(replace(FOUND, details=details), TRACES, ORIGIN))
+    assert "mass of the link -10.4 % -2.0" in text
+    assert "damping of the gear times 2 +0.5" in text
+    assert "tilt of the stand" not in text[text.rindex("differs by") :]
+
+
+@pytest.mark.parametrize("angular", [True, False])
+def test_a_goal_that_is_no_angle_is_not_drawn(angular):
+    one = trace()
+    one = one if angular else replace(one, goal_rad=np.full(len(one.t_s), np.nan))
+    names = [line.get_label() for line in motion_picture(one, 0.001).axes[0].lines]
+    assert ("goal" in names) is angular
+
+
+def test_every_tolerance_of_a_joint_has_words():
+    assert {nuisance.name for nuisance in NUISANCES} == set(TOLERANCES)
 
 
 def test_of_many_joints_those_missed_by_most_are_shown():
