@@ -192,8 +192,8 @@ def channel_finding(channel: Mapping[str, Any], diagnosis: Diagnosis) -> str:
     if not diagnosis.unexplained:
         if channel["channel"] == "position":
             return f"{clear}: what is left is no more than noise and what two simulations differ by"
-        told = "better: nothing else that" if better else "no fault is seen: nothing that"
-        return f"{told} was tried makes it much smaller"
+        told = "better" if better else "about as before" if diagnosis.causes else "no fault is seen"
+        return f"{told}: nothing {'else ' if better else ''}that was tried makes it much smaller"
     if better or after <= SAME * before:
         return f"{'' if better else 'a little '}better, but more than rounding is left"
     untouched = ", and what was named does not touch it" if diagnosis.causes else ""

@@ -402,6 +402,8 @@ def test_more_than_rounding_is_a_finding_only_where_the_verdict_finds_something_
     assert "what was named" not in channel_finding(off, replace(FOUND, causes=()))
     clear = {"position": "cleared"}.get(channel, "no fault is seen")
     assert channel_finding(off, nothing).startswith(clear)
+    named = channel_finding(off, replace(FOUND, unexplained=()))
+    assert "no fault is seen" not in named, "a cause may be a fault of this part"
 
 
 def test_the_picture_looks_closely_where_the_model_is_farthest_off():
