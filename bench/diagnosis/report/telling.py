@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -10,6 +11,7 @@ from bench.diagnosis.regimes import EVERYWHERE
 from bench.diagnosis.result import Cause, Diagnosis, Estimate
 
 from .words import (
+    MOTIONS,
     UNITS,
     chance,
     degrees,
@@ -30,6 +32,8 @@ HARDLY = 1.02  #: times the misfit of positions that is no worse, where another 
 QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
 BETTER = 0.8  #: of the misfit before: what is below it got better
 SAME = 0.98  #: of the same: what is above it did not change
+SUFFIXES = MappingProxyType({"s": "s", "kg": "kg", "hz": "Hz"})  #: of arguments, and their units
+ALWAYS = "torque_enable"  #: a register that is on in every experiment
 UNSEEN = "cannot be seen in these recordings"  #: of a parameter that is dead
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
 
@@ -220,10 +224,12 @@ def _settings(arguments: Mapping[str, Any]) -> list[str]:
     for name, value in arguments.items():
         if isinstance(value, Mapping):
             told += _settings(value)
-        elif value is None or value in (0.0, "", []):
+        elif value is None or value in (0.0, "", []) or name == ALWAYS:
             continue
         elif name.endswith("_rad") and isinstance(value, float):
-            told.append(f"{plain(name.removesuffix('_rad'))} {degrees(value)}")
+            told.append(f"{plain(name.removesuffix('_rad'))} {number(math.degrees(value))}°")
+        elif (unit := SUFFIXES.get(name.rpartition("_")[2])) and isinstance(value, float):
+            told.append(f"{plain(name.rpartition('_')[0] or 'at')} {number(value)} {unit}")
         else:
             listed = isinstance(value, list | tuple)
             shown = " ".join(map(_told, value)) if listed else _told(value)
@@ -260,6 +266,7 @@ def experiments(diagnosis: Diagnosis) -> list[str]:
         how = ", ".join(_settings(rest))
         told.append(
             plain(each.experiment)
+            + (f", {what}" if (what := MOTIONS.get(each.experiment)) else "")
             + (f" ({how})" if how else "")
             + f": tells {joined(plain(s) for s in each.separates)} apart"
             + f" with a chance of {percent(each.power)}"

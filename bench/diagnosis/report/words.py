@@ -92,6 +92,20 @@ PHASES: Mapping[str, str] = MappingProxyType(
     }
 )
 
+#: what is to be recorded, in a few words
+MOTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "chirp": "a sine that gets faster",
+        "dither": "a small triangle to and fro around several places",
+        "hold": "a smooth way to one place, and staying there",
+        "lift_and_drop": "lifted smoothly, then the torque goes off and it falls",
+        "sin_sin": "two sines, the second swelling",
+        "sine_fast": "one fast sine",
+        "slow_ramp": "from one end to the other and back at one slow speed",
+        "steps": "steps of different heights, up and down",
+    }
+)
+
 #: what is said of a parameter's value, and what that means
 STATES: Mapping[str, str] = MappingProxyType(
     {

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from bench import motions
 from bench.diagnosis.nuisances import NUISANCES
 from bench.diagnosis.report import Origin, Trace, report_page, write_report
 from bench.diagnosis.report.pictures import (
@@ -29,7 +30,7 @@ from bench.diagnosis.report.telling import (
     unfinished,
 )
 from bench.diagnosis.report.traces import typical, worst
-from bench.diagnosis.report.words import TOLERANCES, meaning
+from bench.diagnosis.report.words import MOTIONS, TOLERANCES, meaning
 from bench.diagnosis.result import (
     VERDICTS,
     Cause,
@@ -49,11 +50,15 @@ ORIGIN = Origin("rig", "A rig", ("one", "two"), ("punch",), 3, date(2026, 1, 2),
 
 SETTINGS = {
     "motion": "dither",
-    "arguments": {"amplitude_rad": 0.02, "steps": [1, 2]},
-    "registers": {"p_gain": 16},
+    "arguments": {"amplitude_rad": 0.02, "lift_s": 2.0, "hz": 1.2, "steps": [1, 2]},
+    "registers": {"p_gain": 16, "torque_enable": 1},
+    "payload_kg": 0.325,
     "warm_start_s": 0.0,
 }
-TOLD = f"dither (amplitude {math.degrees(0.02):.2f}°, steps 1 2, p gain 16)"
+TOLD = (
+    "dither, a small triangle to and fro around several places (amplitude 1.15°, lift 2 s, "
+    "at 1.2 Hz, steps 1 2, p gain 16, payload 0.325 kg)"
+)
 CAUSE = Cause(
     effect="backlash",
     scope=("arm",),
@@ -326,8 +331,9 @@ def test_a_goal_that_is_no_angle_is_not_drawn(angular):
     assert ("goal" in names) is angular
 
 
-def test_every_tolerance_of_a_joint_has_words():
+def test_every_tolerance_of_a_joint_and_every_motion_has_words():
     assert {nuisance.name for nuisance in NUISANCES} == set(TOLERANCES)
+    assert set(motions.MOTIONS) == set(MOTIONS)
 
 
 def test_of_many_joints_those_missed_by_most_are_shown():
