@@ -28,6 +28,7 @@ from .words import (
 #: whose step is 0.1 V; assumed
 SMALL: Mapping[str, float] = MappingProxyType({"duty": 0.01, "voltage": 0.1})
 REGISTERS = MappingProxyType({"duty": "load or duty", "voltage": "voltage"})
+ALIKE = 1.01  #: times the misfit of positions that is no other: one fit ends here, the next there
 HARDLY = 1.02  #: times the misfit of positions that is no worse, where another register is better
 QUIET = 2.0  #: of a channel's rounding: noise below it says that the model holds there
 BETTER = 0.8  #: of the misfit before: what is below it got better
@@ -116,7 +117,7 @@ def explains(cause: Cause) -> str:
 
 def worse(diagnosis: Diagnosis) -> bool:
     """Whether what is named makes the recordings that judge fit worse."""
-    bearable = HARDLY if elsewhere(diagnosis) else 1.0
+    bearable = HARDLY if elsewhere(diagnosis) else ALIKE
     return bool(diagnosis.causes) and diagnosis.fit.after > bearable * diagnosis.fit.before
 
 

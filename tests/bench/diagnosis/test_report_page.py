@@ -351,6 +351,14 @@ def test_a_name_that_does_not_hold_is_not_recommended():
             assert ("misses by more than before" in text) is not said
 
 
+@pytest.mark.parametrize(("times", "is_worse"), [(1.005, False), (1.02, True)])
+def test_a_misfit_that_is_the_same_to_a_hundredth_is_not_worse(times, is_worse):
+    after = times * FOUND.fit.before
+    found = replace(FOUND, fit=replace(FOUND.fit, after=after), channels=())
+    assert ("misses by more than before" in printed(found)) is is_worse
+    assert ("does not hold on the others" in printed(found)) is is_worse
+
+
 def test_a_name_that_explains_little_is_called_a_hint():
     little = replace(FOUND, causes=(replace(CAUSE, explained_share=0.02),))
     assert "a hint at most" in printed(little)
