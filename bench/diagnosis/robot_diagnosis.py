@@ -16,18 +16,18 @@ from sim.model import Addition, read_model
 from .journal import Journal
 from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, verdict_of
 from .robot_causes import cause_of, close_rivals
-from .robot_features import RobotKind
+from .robot_features import MEANS, RobotKind
 from .robot_fit import RobotFit
 from .robot_improved import of_causes, of_nuisances
 from .robot_judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
-from .robot_model import RobotModel
+from .robot_model import RATTLING, RobotModel
 from .robot_next import next_experiments
 from .robot_places import mismatch, moved
+from .robot_rattling import Play, Rattling, told
 from .robot_replay import course
 from .robot_rest import Rest, rest_of
 from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
 from .robot_settling import RobotJudges
-from .robot_shaking import shaking, told
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
@@ -100,6 +100,7 @@ class Work:
         self.told = f"fitted to recordings {', '.join(groups)}" + (f"; {on}" if on else "")
         self.search = RobotSearch(model, which, say=say)
         self.held = RobotJudges(self.search, robot, which, self.judges, self.held_out)
+        self.rattling = Rattling(model, which, self.judges, say)
 
     def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
         """Search, judge, and say what was found."""
@@ -110,40 +111,70 @@ class Work:
         rejected: list[Mapping[str, Any]] = []
         if not self.held.consistent(base):
             found, taken, after, rejected = self.searched(base, without)
+        play = self._play(after, without)
+        if play is not None or self.rattling.denies(after):
+            taken, after = self._without_play(found, taken, after)
         self.held.square(after, sorted({*self.which, *self.judges}))
         rest = rest_of(model, after, self.which, self.judges)
         self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after)
+        whole = after
+        if play is not None:
+            causes.append(play.cause)
+            placed = model.placed[play.gain.name]
+            extra += of_causes([(placed, play.cause.parameters)], self.told)
+            whole = play.beside(after)
+        shaken, shook = self.rattling.more(whole), self.rattling.left(found.base, self.judges)
+        shakes = self.rattling.left(whole, self.judges)
         believed = judge(model, self.robot, found.base.nuisances, (), self.judges)
         better = believed
-        if taken:
+        if extra:
             better = judge(model, self.robot, after.nuisances, extra, self.judges)
         shown = [model.features[r] for r in self.judges]
-        shaken = shaking(self.robot, shown, better)
-        verdict = verdict_of(bool(causes), rest.structured)
+        rmse = [steady_rmse_rad(shown, judged) for judged in (believed, better)]
+        verdict = verdict_of(bool(causes), rest.structured or rmse[1] > rmse[0])
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
             verdict=verdict,
-            mismatch=self._mismatch(found, after) if verdict != "consistent" else (),
+            mismatch=self._mismatch(found, whole) if verdict != "consistent" else (),
             causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
             fit=FitSummary(
-                before=steady_rmse_rad(shown, believed),
-                after=steady_rmse_rad(shown, better),
+                before=rmse[0],
+                after=rmse[1],
                 noise_floor=floor_rad(model, self.judges),
                 held_out=self.held_out,
                 recordings=tuple(model.observed[r].name for r in self.judges),
             ),
             unexplained=(_unexplained(rest),) if rest.structured else (),
             next_experiment=tuple(nexts),
-            limits=(*self._limits(after), *told(shaken, model.quantum_rad)),
+            limits=(*self._limits(after), *told(play is not None, shakes, shook, shaken)),
             channels=self._channels(found, after),
             rejected=tuple(rejected),
             ranking=_ranking(found),
             details=self._details(found, after, rest)
             | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
-            | {"shaking_rad": dict(shaken)},
+            | {"shaking": {"before_nats": shook, "left_nats": shakes, "log_ratio": shaken}},
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
+
+    def _play(self, after: RobotFit, without: frozenset[str]) -> Play | None:
+        """Play that shaking shows beside what was found, if there is time."""
+        try:
+            return self.rattling.named(after, without)
+        except OutOfTimeError:
+            return None
+
+    def _without_play(
+        self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit
+    ) -> tuple[list[RobotGain], RobotFit]:
+        """What was found but play, of which shaking says more than means over the phase do."""
+        kept = []
+        for gain in taken:
+            if self.model.placed[gain.name].effect.name in RATTLING:
+                after = self.held.without(found.base, after, gain.name)
+            else:
+                kept.append(gain)
+        return kept, after
 
     def searched(
         self, base: RobotFit, without: frozenset[str]
@@ -253,6 +284,8 @@ class Work:
     def _channels(self, found: RobotFindings, after: RobotFit) -> tuple[Mapping[str, Any], ...]:
         rows = []
         for kind, floor in self.model.floors().items():
+            if kind not in MEANS:
+                continue
             values = []
             for one in (found.base, after):
                 self.held.square(one, self.which)

@@ -2,7 +2,7 @@
 
 Long replays with contacts drift apart in where the robot stands, but what its joints do at a phase
 of the gait does not. So a recording comes down to the mean of each joint in each bin of the phase;
-with the height of the trunk where somebody watched it.
+with the height of the trunk where somebody watched it, and with how much joints shake.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from sim.stepped import TICK_S
 
 from .gait import Bins, Phase, commanded_lift, gait_phase, held_at
 from .robot_replay import SETTLE_S, Course, Span, Track
+from .robot_shaking import PHASES, Shaking
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +35,10 @@ class RobotKind(enum.Enum):
 
     JOINTS = "joints"
     HEIGHT = "height"  #: of the trunk over where it began, where an observer recorded it
+    SHAKING = "shaking"  #: of joints from sample to sample, as a logarithm
+
+
+MEANS = (RobotKind.JOINTS, RobotKind.HEIGHT)  #: what is compared by its means over the phase
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +61,8 @@ class Features:
     stance: NDArray[np.bool_]  #: whether the leg of the row's joint is commanded to stand
     height_bins: Bins | None
     height_m: Floats
+    shaking: Shaking
+    shaken: Floats  #: as recorded
 
     @classmethod
     def of(cls, course: Course, robot: Robot) -> Features:
@@ -76,7 +83,7 @@ class Features:
             for mount, t in zip(robot.servos, course.sample_s, strict=True)
         ]
         lifted = [
-            commanded_lift(course.goals, robot, t)[:, _leg(robot, mount.joint)].astype(np.float64)
+            commanded_lift(course.goals, robot, t)[:, _leg(robot, mount.joint)]
             for mount, t in zip(robot.servos, course.sample_s, strict=True)
         ]
 
@@ -84,6 +91,9 @@ class Features:
             means = [b.mean(v)[f] for b, v, f in zip(bins, values, full, strict=True)]
             return np.concatenate(means)
 
+        shaking = Shaking.of(
+            course.sample_s, lifted, [b.bin >= 0 for b in bins], course.quantum_rad
+        )
         seen = course.height
         height_bins = None
         if seen is not None:
@@ -102,11 +112,13 @@ class Features:
             count=np.concatenate([b.counts[f] for b, f in zip(bins, full, strict=True)]) * 1.0,
             position_rad=rows(course.position_rad),
             goal_rad=rows(goals),
-            stance=rows(lifted) < 0.5,
+            stance=rows([up.astype(np.float64) for up in lifted]) < 0.5,
             height_bins=height_bins,
             height_m=height_bins.mean(_risen(*seen))
             if seen is not None and height_bins is not None
             else np.empty(0),
+            shaking=shaking,
+            shaken=shaking.rows(course.position_rad),
         )
 
     def rows(self, values: tuple[Floats, ...] | list[Floats]) -> Floats:
@@ -136,18 +148,20 @@ class Features:
         left = np.concatenate([(seen - told)[b.bin >= 0] for seen, told, b in every])
         return float(np.mean(left**2))
 
-    def of_track(self, track: Track) -> tuple[Floats, Floats]:
-        """Means of a replay: joint angles (rows,) [rad], heights (bins,) [m]."""
+    def of_track(self, track: Track) -> tuple[Floats, Floats, Floats]:
+        """Means of a replay: joint angles (rows,) [rad], heights (bins,) [m]; its shaking."""
         found = np.empty(len(self.bin))
+        joints = enumerate(self.course.sample_s)
+        shaken = self.shaking.rows([track.at(j, t) for j, t in joints], track.span)
         for j, (bins, t) in enumerate(zip(self.bins, self.course.sample_s, strict=True)):
             mine = self.joint_row == j
             told = bins.within(t, track.span)
             found[mine] = told.mean(track.at(j, t))[self.bin[mine]]
         if self.height_bins is None or self.course.height is None:
-            return found, np.empty(0)
+            return found, np.empty(0), shaken
         seen_s = self.course.height[0]
         heights = np.interp(seen_s, track.height_t_s, track.height_m) - track.rest_m
-        return found, self.height_bins.within(seen_s, track.span).mean(heights)
+        return found, self.height_bins.within(seen_s, track.span).mean(heights), shaken
 
     def speeds(self, track: Track) -> tuple[Floats, Floats]:
         """How means move with a later instant [rad/s], and with a later turn (rows,)."""
@@ -175,6 +189,16 @@ class Features:
             return True
         apart = self.goal_rad - other.goal_rad
         return bool(np.sqrt(np.mean(apart**2)) < ALIKE_RAD)
+
+    def of_joint(self, joint: int, kind: RobotKind) -> NDArray[np.bool_]:
+        """Which rows of a kind are a joint's."""
+        rows = {
+            RobotKind.JOINTS: self.joint_row,
+            RobotKind.HEIGHT: np.full(len(self.height_m), -1),
+            RobotKind.SHAKING: np.arange(len(self.shaken)) // len(PHASES),
+        }
+        own: NDArray[np.bool_] = rows[kind] == joint
+        return own
 
     def rows_like(self, other: Features) -> bool:
         """Whether two recordings have the same rows."""

@@ -6,6 +6,7 @@ in deviations of its prior and no farther than it may go, then the knobs of the 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -72,16 +73,20 @@ class Sight:
     def noise(
         self, blocks: RobotBlocks, start: Mapping[RobotKind, Noise] | None = None
     ) -> dict[RobotKind, Noise]:
-        """The likeliest noise of every kind."""
+        """The likeliest noise of every kind; of shaking, what engines differ by.
+
+        They do so in every recording and leg alike, and so all of them together tell it once.
+        """
         floors = self.model.floors()
-        return {
-            kind: estimate(
-                [b for (_, k), b in blocks.items() if k is kind],
-                floors[kind],
-                start.get(kind) if start else None,
-            )
-            for kind in self.kinds
-        }
+        found: dict[RobotKind, Noise] = {}
+        for kind in self.kinds:
+            own = [b for (_, k), b in blocks.items() if k is kind]
+            if kind is RobotKind.SHAKING:
+                repeats = len(own) * len(self.model.base.legs)
+                found[kind] = Noise(floors[kind] * math.sqrt(repeats), 0.0, KINDS_S)
+            else:
+                found[kind] = estimate(own, floors[kind], start.get(kind) if start else None)
+        return found
 
     def cost(self, blocks: RobotBlocks, noise: Mapping[RobotKind, Noise]) -> float:
         """Negative log-likelihood without priors [nats]."""

@@ -10,7 +10,7 @@ difference, so that the next fit starts from truth and traces only say which way
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +24,19 @@ from .noise import Block
 from .nuisances import PUNCH, UNDOCUMENTED
 from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
-from .robot_features import Features, RobotKind
+from .robot_features import APART_S, Features, RobotKind
 from .robot_nuisances import RobotNuisance, nuisances, replayable, trials
 from .robot_pool import Job, Outcome, Replays
 from .robot_replay import Course
+from .robot_shaking import ENGINES_SHAKING
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 Settings = tuple[tuple[str, float], ...]  #: placed effects and values of their knobs
 RobotBlocks = dict[tuple[int, RobotKind], Block]
 
+RATTLES = 3  #: replays with other starts of a robot whose teeth have play, of which means count
+RATTLING = frozenset({"backlash"})  #: effects that make a leg in the air rattle
 JITTERS = 3  #: replays with a slightly other start, for the spread of replays
 #: what two engines leave of the same walk when nuisances are fitted: nothing is said of less, as
 #: reality is no nearer to one of them; source: measured, docs/explanation/two-engines.md
@@ -51,10 +54,18 @@ class Observed:
 
 def rows_of(outcome: Outcome) -> Rows:
     """The rows of a replay by kind."""
-    found = {RobotKind.JOINTS: outcome.angle_rad}
+    found = {RobotKind.JOINTS: outcome.angle_rad, RobotKind.SHAKING: outcome.shaken}
     if len(outcome.height_m):
         found[RobotKind.HEIGHT] = outcome.height_m
     return found
+
+
+def _rattles(job: Job) -> bool:
+    return any(name.partition("@")[0] in RATTLING and z > 0.0 for name, z in job.effects)
+
+
+def _mean(every: Sequence[Rows]) -> Rows:
+    return {kind: np.mean([rows[kind] for rows in every], axis=0) for kind in every[0]}
 
 
 class RobotModel:
@@ -111,11 +122,15 @@ class RobotModel:
         return range(len(self.features))
 
     def _run(self, jobs: Sequence[Job]) -> list[Rows]:
-        return [rows_of(outcome) for outcome in self.replays.run(jobs)]
+        """Rows of jobs; means of some replays where legs rattle, as when they do is chance."""
+        starts = [range(RATTLES) if _rattles(job) else (job.jitter,) for job in jobs]
+        every = [replace(job, jitter=j) for job, own in zip(jobs, starts, strict=True) for j in own]
+        found = (rows_of(outcome) for outcome in self.replays.run(every))
+        return [_mean([next(found) for _ in own]) for own in starts]
 
     @staticmethod
     def _recorded(features: Features) -> Rows:
-        rows = {RobotKind.JOINTS: features.position_rad}
+        rows = {RobotKind.JOINTS: features.position_rad, RobotKind.SHAKING: features.shaken}
         if len(features.height_m):
             rows[RobotKind.HEIGHT] = features.height_m
         return rows
@@ -138,10 +153,7 @@ class RobotModel:
         """What each row scatters by itself: turns of the gait, and starts."""
         (outcome,) = self.replays.run([Job(r)])
         spread = self.spread[self.motion[r]]
-        found = {RobotKind.JOINTS: outcome.scatter_rad2 + spread[RobotKind.JOINTS]}
-        if RobotKind.HEIGHT in spread:
-            found[RobotKind.HEIGHT] = spread[RobotKind.HEIGHT]
-        return found
+        return spread | {RobotKind.JOINTS: outcome.scatter_rad2 + spread[RobotKind.JOINTS]}
 
     def _traces(self) -> list[dict[RobotKind, Floats]]:
         """By recording and kind: rows x nuisances, each for one deviation of its prior."""
@@ -183,13 +195,18 @@ class RobotModel:
         if nuisance.joint:
             zero = {kind: np.zeros_like(values) for kind, values in rows.items()}
             rows = zero | {RobotKind.JOINTS: np.where(own, rows[RobotKind.JOINTS], 0.0)}
-        return {kind: values * nuisance.deviation for kind, values in rows.items()}
+        # what tolerances make joints shake is in what engines differ by
+        still = {RobotKind.SHAKING: np.zeros_like(rows[RobotKind.SHAKING])}
+        return {kind: values * nuisance.deviation for kind, values in rows.items()} | still
 
     def floors(self) -> Mapping[RobotKind, float]:
         """The least white deviation: rounding, averaged over a row, and what engines differ by."""
         count = float(np.median(np.concatenate([f.count for f in self.features])))
         rounding = self.quantum_rad / np.sqrt(12.0 * count)
-        floors = {RobotKind.JOINTS: float(np.hypot(rounding, ENGINES_RAD))}
+        floors = {
+            RobotKind.JOINTS: float(np.hypot(rounding, ENGINES_RAD)),
+            RobotKind.SHAKING: ENGINES_SHAKING,
+        }
         if any(len(f.height_m) for f in self.features):
             floors[RobotKind.HEIGHT] = HEIGHT_FLOOR_M
         return floors
@@ -246,6 +263,8 @@ class RobotModel:
         features = self.features[r]
         if kind is RobotKind.JOINTS:
             times = features.t_s
+        elif kind is RobotKind.SHAKING:
+            times = APART_S * np.arange(len(value), dtype=np.float64)
         else:
             assert features.height_bins is not None
             times = features.height_bins.t_s

@@ -19,7 +19,7 @@ from sim.stepped import TICK_S
 from .next_experiment import adapted, most_telling
 from .noise import Noise
 from .result import NextExperiment
-from .robot_features import RobotKind
+from .robot_features import MEANS, RobotKind
 from .robot_fit import RobotFit, Sight
 from .robot_model import HEIGHT_FLOOR_M, RobotModel
 from .robot_replay import Course
@@ -84,7 +84,7 @@ def next_experiments(
     with RobotModel(model.base, robot, [choice.course for choice in choices]) as imagined:
         for rival, other in rivals.items():
             distances = [
-                _distance(Sight(imagined, [r], tuple(RobotKind)), named, other, noise)
+                _distance(Sight(imagined, [r], MEANS), named, other, noise)
                 for r in range(len(choices))
             ]
             best, power = most_telling(distances, inflation)

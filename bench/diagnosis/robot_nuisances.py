@@ -139,8 +139,12 @@ def _punch(drive: DriveParameters, x: float) -> DriveParameters:
 
 
 def tip_of(give_m_n: float) -> tuple[float, float]:
-    """Stiffness [N/m] of a foot that gives by so much, and half its critical damping [N s/m]."""
-    return 1.0 / give_m_n, math.sqrt(TIP_KG / give_m_n)
+    """Stiffness [N/m] of a foot that gives by so much, and half its critical damping [N s/m].
+
+    No stiffer than the effect of that name may be: what gives less is as good as rigid.
+    """
+    stiffness = min(1.0 / give_m_n, effect("foot_compliance").parameters[0].high)
+    return stiffness, math.sqrt(TIP_KG * stiffness)
 
 
 def _tips(robot: PhysicalRobot, x: float) -> PhysicalRobot:

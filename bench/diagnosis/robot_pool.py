@@ -49,6 +49,7 @@ class Outcome:
 
     angle_rad: Floats
     height_m: Floats
+    shaken: Floats
     speed_rad_s: Floats
     turn_rad: Floats
     scatter_rad2: Floats
@@ -94,12 +95,13 @@ class _Bench:
             track = play(robot, found.course, jitter, found.span if job.short else None)
         except PhysicsError:
             lost = np.full(len(found.bin), np.nan)
-            return Outcome(lost, np.full(len(found.height_m), np.nan), lost, lost, lost)
-        angle, height = found.of_track(track)
+            height, shaken = (np.full(len(x), np.nan) for x in (found.height_m, found.shaken))
+            return Outcome(lost, height, shaken, lost, lost, lost)
+        means = found.of_track(track)
         if job.short:
             none = np.empty(0)
-            return Outcome(angle, height, none, none, none)
-        return Outcome(angle, height, *found.speeds(track), found.scatter(track))
+            return Outcome(*means, none, none, none)
+        return Outcome(*means, *found.speeds(track), found.scatter(track))
 
 
 _bench: _Bench | None = None

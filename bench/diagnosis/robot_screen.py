@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .noise import Noise, huber_weight, whiten
 from .robot_curves import Rows
-from .robot_features import RobotKind
+from .robot_features import MEANS, RobotKind
 from .robot_model import RobotModel
 from .robot_nuisances import RobotNuisance
 
@@ -81,7 +81,7 @@ class Screen:
         model: RobotModel,
         noise: dict[RobotKind, Noise],
         residual: Sequence[Rows],
-        kinds: Iterable[RobotKind] = tuple(RobotKind),
+        kinds: Iterable[RobotKind] = MEANS,
         which: Sequence[int] | None = None,
         already: Sequence[str] = (),
         held: NDArray[np.bool_] | None = None,
@@ -198,11 +198,11 @@ class Screen:
             for kind in self._kinds:
                 if kind not in model.centre[r]:
                     continue
-                count = int(np.isfinite(model.recorded(r, kind)).sum())
-                part, at = left[at : at + count], at + count
-                if kind is RobotKind.JOINTS:
-                    for j, joint in enumerate(model.base.joints):
-                        energy[joint.leg] += float((part[features.joint_row == j] ** 2).sum())
+                known = np.isfinite(model.recorded(r, kind))
+                part, at = left[at : at + known.sum()], at + int(known.sum())
+                for j, joint in enumerate(model.base.joints):
+                    own = features.of_joint(j, kind)[known]
+                    energy[joint.leg] += float((part[own] ** 2).sum())
         usual = float(np.median(list(energy.values())))
         worst = sorted(legs, key=lambda leg: -energy[leg])[:most]
         return [leg for leg in worst if energy[leg] > STANDS_OUT * usual]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .noise import Noise
-from .robot_features import RobotKind
+from .robot_features import MEANS, RobotKind
 from .robot_fit import ENOUGH, RobotFit, Sight
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad
@@ -103,7 +103,7 @@ class RobotSearch:
         self,
         model: RobotModel,
         which: Sequence[int] | None = None,
-        kinds: Iterable[RobotKind] = tuple(RobotKind),
+        kinds: Iterable[RobotKind] = MEANS,
         say: Progress = lambda _: None,
     ) -> None:
         self.model, self._say = model, say

@@ -1,90 +1,87 @@
 """How much joints shake from sample to sample, which means over the phase of the gait do not show.
 
 A leg with play is thrown from flank to flank while it swings. When is chance, so phase means have
-it as noise; how much is not, and sound engines agree about it.
+it as noise; how much is not, and two sound engines agree about it. So a recording has numbers of
+its own for it: two a joint, while its leg is told to stand and while it is told to swing.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from busemu.tables import Robot
-from sim.tree import SEGMENTS
-
-from .gait import commanded_lift
-from .robot_features import Features
-from .robot_judging import Judgement
-
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: counts of the register by which joints that shake do so more than replays. Measured on robots of
-#: a third engine: 0.16 at most where nothing is hidden, 1.7 with play of 3 deg
-SHAKEN = 0.5
+#: by which two engines and two specimens differ about a number, one deviation. Measured of plain
+#: replays of walks by two other engines, without play: kinds of joints are up to 0.02 off, and 0.04
+#: where sensors have a quarter of a count of noise
+ENGINES_SHAKING = 0.03
 EVEN = 1.5  #: times the usual wait between two samples, beyond which a difference says nothing
+#: differences that are left out, as wrong packets make such: no play throws a joint farther, and of
+#: the others a share of the largest
+GLITCH_RAD, GLITCHES = 0.1, 0.02
+BESIDE = 1.0  #: count beside which joints shake: a sensor may have a quarter of noise, or none
 PHASES = ("stance", "swing")
 
 
-def shaking(
-    robot: Robot, features: Sequence[Features], judged: Sequence[Judgement]
-) -> Mapping[str, float]:
-    """RMS by which joints shake more than modelled [rad], by ``"coxa swing"`` and so on.
+@dataclass(frozen=True, slots=True, eq=False)
+class Shaking:
+    """Of every joint, of each three samples the middle one's time [s], and its phase.
 
-    Shaking is the second difference of samples over the square root of 6, so that white noise has
-    its own deviation. What all kinds of joints have in all phases is the sensors' noise and
-    rounding, and taken off.
+    ``phase`` counts :data:`PHASES`, -1 where samples are uneven or the robot does not walk yet.
     """
-    squares = {f"{segment} {phase}": [0.0, 0.0, 0.0] for segment in SEGMENTS for phase in PHASES}
-    for found, one in zip(features, judged, strict=True):
-        for j, mount in enumerate(robot.servos):
-            segment = mount.joint.rpartition(".")[2]
-            lifted, steady = _parts(robot, found, j)
-            recorded = _roughness(one.course.position_rad[j])
-            modelled = _roughness(one.modelled_rad[j])
-            for phase, part in zip(PHASES, (~lifted, lifted), strict=True):
-                cell, there = squares[f"{segment} {phase}"], part & steady
-                cell[0] += float(np.sum(recorded[there]))
-                cell[1] += float(np.sum(modelled[there]))
-                cell[2] += float(np.sum(there))
-    more = {name: (a - b) / n for name, (a, b, n) in squares.items() if n > 0}
-    common = min(more.values(), default=0.0)
-    return {name: math.sqrt(x - common) for name, x in more.items()}
+
+    t_s: tuple[Floats, ...]
+    phase: tuple[NDArray[np.intp], ...]
+    quantum_rad: float
+
+    @classmethod
+    def of(
+        cls,
+        sample_s: Sequence[Floats],
+        lifted: Sequence[Bools],
+        steady: Sequence[Bools],
+        quantum_rad: float,
+    ) -> Shaking:
+        """From joints' samples, whether their legs are told to swing then, and robots walk."""
+        phases = []
+        for t, up, walks in zip(sample_s, lifted, steady, strict=True):
+            waits = np.diff(t)
+            even = np.maximum(waits[1:], waits[:-1]) < EVEN * np.median(waits)
+            phases.append(np.where(even & walks[1:-1], up[1:-1].astype(np.intp), -1))
+        return cls(tuple(t[1:-1] for t in sample_s), tuple(phases), quantum_rad)
+
+    def rows(
+        self, angle_rad: Sequence[Floats], span: tuple[float, float] = (-np.inf, np.inf)
+    ) -> Floats:
+        """Logarithms of how much joints shake, (joints x phases,); NaN where a leg never is.
+
+        RMS of second differences, in counts as a register has them, over the square root of 6, so
+        that white noise has its own deviation.
+        """
+        found = []
+        for angle, t, phase in zip(angle_rad, self.t_s, self.phase, strict=True):
+            apart = np.diff(np.round(angle / self.quantum_rad), 2)
+            squares = apart**2 / 6.0
+            inside = (t >= span[0]) & (t <= span[1])
+            inside &= np.abs(apart) * self.quantum_rad < GLITCH_RAD
+            found += [_log(squares[inside & (phase == k)]) for k in range(len(PHASES))]
+        return np.array(found)
 
 
-def _roughness(angle_rad: Floats) -> Floats:
-    """Squared second differences of samples over 6 [rad^2]: of a noise, its variance."""
-    found: Floats = np.diff(angle_rad, 2) ** 2 / 6.0
-    return found
+def _log(squares: Floats) -> float:
+    kept = np.sort(squares)[: round((1.0 - GLITCHES) * len(squares))]
+    return 0.5 * float(np.log(np.mean(kept) + BESIDE**2)) if len(kept) else float("nan")
 
 
-def _parts(robot: Robot, features: Features, j: int) -> tuple[Bools, Bools]:
-    """Whether a joint's leg is told to swing, and whether samples are even and the robot walks."""
-    t = features.course.sample_s[j]
-    legs = [str(leg["name"]) for leg in robot.document["leg"]]
-    leg = legs.index(robot.servos[j].joint.split(".", maxsplit=1)[0])
-    lifted: Bools = commanded_lift(features.course.goals, robot, t)[1:-1, leg]
-    waits = np.diff(t)
-    even = np.maximum(waits[1:], waits[:-1]) < EVEN * np.median(waits)
-    return lifted, even & (features.bins[j].bin[1:-1] >= 0)
-
-
-def told(more: Mapping[str, float], quantum_rad: float) -> tuple[str, ...]:
-    """A sentence if legs shake in the air, where nothing but their own joints can shake them."""
-    loose = {
-        segment: more[f"{segment} swing"]
-        for segment in SEGMENTS
-        if more.get(f"{segment} swing", 0.0) > SHAKEN * quantum_rad
-        and more[f"{segment} swing"] > more.get(f"{segment} stance", 0.0)
+def by_kind(joints: Sequence[str], rows: Floats) -> dict[str, float]:
+    """Means of rows over the legs, by ``"coxa swing"`` and so on."""
+    kinds = [f"{joint.rpartition('.')[2]} {phase}" for joint in joints for phase in PHASES]
+    own = {
+        kind: [x for k, x in zip(kinds, rows.tolist(), strict=True) if k == kind] for kind in kinds
     }
-    if not loose:
-        return ()
-    most = max(loose, key=lambda segment: loose[segment])
-    return (
-        f"{most} joints shake while their legs swing, {1e3 * loose[most]:.1f} mrad from sample to "
-        "sample more than the model's: teeth with play do so (backlash), and means over the phase "
-        "of the gait hardly show it",
-    )
+    return {kind: float(np.nanmean(some)) for kind, some in own.items() if not np.isnan(some).all()}

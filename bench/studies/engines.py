@@ -78,7 +78,7 @@ def apart(name: str) -> Apart:
     told = course(recording_of(scene.robot, played, "walk", 0.0), scene.robot)
     features = Features.of(told, scene.robot)
     base = read_model(scene.robot)
-    angles, _ = features.of_track(replay(base, told))
+    angles, *_ = features.of_track(replay(base, told))
     joints = tuple(joint.name for joint in base.joints)
     return Apart(scene.robot.name, joints, features, features.position_rad - angles)
 

@@ -10,6 +10,7 @@ from walking_robots import believed, marvin
 from bench.diagnosis.result import Estimate
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_improved import of_causes, write_model
+from bench.diagnosis.robot_search import NEEDED
 from bench.recording import write
 from bench.running import Steering, in_process, walk_in
 from busemu.tables import load_robot
@@ -77,9 +78,10 @@ def test_the_held_out_walk_is_nearer_than_before(found):
 
 
 def test_how_much_joints_shake_is_told_by_their_kind_and_phase(found):
-    shaken = found.document["details"]["shaking_rad"]
-    assert {name.split()[1] for name in shaken} == {"stance", "swing"}
-    assert len(shaken) == 6
+    shaking = found.document["details"]["shaking"]
+    assert {name.split()[1] for name in shaking["log_ratio"]} == {"stance", "swing"}
+    assert len(shaking["log_ratio"]) == 6
+    assert shaking["left_nats"] < NEEDED
     assert not any("shake" in limit for limit in found.document["limits"])
 
 

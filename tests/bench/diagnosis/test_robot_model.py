@@ -3,11 +3,13 @@ import pytest
 from walking_robots import believed, marvin, walked_with
 
 from bench.diagnosis.robot_curves import FARTHER, GRID, LARGER, LEAST_RAD
-from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_features import MEANS, RobotKind
 from bench.diagnosis.robot_fit import Sight
-from bench.diagnosis.robot_model import RobotModel
+from bench.diagnosis.robot_model import RATTLES, RobotModel
+from bench.diagnosis.robot_pool import Job
 from bench.diagnosis.robot_screen import Screen
 from bench.diagnosis.robot_search import NEEDED
+from bench.diagnosis.robot_shaking import ENGINES_SHAKING
 
 #: recordings of one model: nulls, and one effect each
 NULL, TIPS, SOFT = 0, 1, 2
@@ -35,7 +37,7 @@ def model():
 
 
 def base_fit(model, r):
-    return Sight(model, [r], RobotKind).fit()
+    return Sight(model, [r], MEANS).fit()
 
 
 def screened(model, r):
@@ -112,7 +114,7 @@ def test_an_effect_gains_the_most_under_its_own_name(model, r, name):
 )
 def test_a_fit_finds_the_size_of_an_effect(model, r, name):
     base = base_fit(model, r)
-    found = Sight(model, [r], RobotKind).fit((name,), np.append(base.z, 1.0), base.noise)
+    found = Sight(model, [r], MEANS).fit((name,), np.append(base.z, 1.0), base.noise)
     assert found.z[-1] == pytest.approx(TRUE_Z[name], rel=0.25)
     off = model.recentre(found.settings, found.nuisances)
     assert off < model.quantum_rad / 10.0
@@ -133,3 +135,26 @@ def test_without_knobs_the_residual_is_recorded_less_replayed(model):
     assert (block.value == plain).all()
     assert (np.diff(block.t_s) > 0.0).all()
     assert (block.extra > 0.0).all()
+
+
+def test_where_legs_rattle_means_of_some_replays_count(model):
+    loose = (("backlash@tibia", GRID[-1] * model.curves.first_z("backlash@tibia")),)
+    (rows,) = model._run([Job(0, loose, short=True)])
+    every = model.replays.run([Job(0, loose, jitter=j, short=True) for j in range(RATTLES)])
+    assert (rows[RobotKind.JOINTS] == np.mean([one.angle_rad for one in every], axis=0)).all()
+    assert np.ptp([one.angle_rad for one in every], axis=0).max() > model.quantum_rad
+    (sound,) = model._run([Job(0, (("payload@all", 1.0),), short=True)])
+    (one,) = model.replays.run([Job(0, (("payload@all", 1.0),), short=True)])
+    assert (sound[RobotKind.JOINTS] == one.angle_rad).all()
+
+
+@pytest.mark.parametrize("which", [[NULL], [NULL, TIPS, SOFT]])
+def test_all_recordings_and_legs_tell_once_what_shaking_engines_differ_by(model, which):
+    sight = Sight(model, which, (RobotKind.SHAKING,))
+    zero = np.zeros(len(model.nuisances))
+    noise = sight.noise(sight.blocks((), zero))[RobotKind.SHAKING]
+    assert noise.total == pytest.approx(ENGINES_SHAKING * np.sqrt(len(which) * 6))
+
+
+def test_tolerances_shake_nothing(model):
+    assert not any(traces[RobotKind.SHAKING].any() for traces in model.traces)

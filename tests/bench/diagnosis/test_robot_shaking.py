@@ -1,61 +1,167 @@
-"""Legs that shake in the air: what play does that means over the phase do not show."""
+"""How much joints shake: what play does that means over the phase do not show."""
 
 import math
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked, walked_by
 
+from bench.diagnosis import robot_rattling
 from bench.diagnosis.robot_features import Features
-from bench.diagnosis.robot_judging import Judgement
+from bench.diagnosis.robot_fit import RobotFit
+from bench.diagnosis.robot_rattling import Rattling, told
 from bench.diagnosis.robot_replay import play
-from bench.diagnosis.robot_shaking import shaking, told
+from bench.diagnosis.robot_search import BESIDE, HELD_OUT, NEEDED
+from bench.diagnosis.robot_shaking import ENGINES_SHAKING, by_kind
 from sim.effects import effect
 
 PLAY_RAD = math.radians(3.0)
+JOINTS = [joint.name for joint in believed().joints]
 
 
 @cache
 def modelled():
-    track = play(believed(), walked())
-    return tuple(track.at(j, t) for j, t in enumerate(walked().sample_s))
+    return Features.of(walked(), marvin()).of_track(play(believed(), walked()))[2]
 
 
-def shaken(recorded):
-    judged = Judgement(recorded, modelled())
-    return shaking(marvin(), [Features.of(recorded, marvin())], [judged])
+def more(recorded):
+    return by_kind(JOINTS, Features.of(recorded, marvin()).shaken - modelled())
 
 
-def loose():
-    robot = effect("backlash").apply(believed(), (), {"width_rad": PLAY_RAD})
-    return walked_by(robot, 31)
+def touched(change):
+    return replace(walked(), position_rad=tuple(change(x) for x in walked().position_rad))
 
 
 def test_teeth_with_play_shake_legs_that_swing():
-    more = shaken(loose())
-    assert max(more, key=more.__getitem__) == "coxa swing"
-    (sentence,) = told(more, walked().quantum_rad)
-    assert sentence.startswith("coxa joints shake while their legs swing")
+    loose = effect("backlash").apply(believed(), (), {"width_rad": PLAY_RAD})
+    found = more(walked_by(loose, 31))
+    assert max(found, key=found.__getitem__) == "coxa swing"
+    assert found["coxa swing"] > 5.0 * ENGINES_SHAKING
+    assert found["tibia swing"] > found["tibia stance"]
 
 
 def test_a_robot_as_believed_shakes_no_more():
-    assert told(shaken(walked_by(believed(), 32)), walked().quantum_rad) == ()
+    found = more(walked_by(believed(), 32))
+    assert max(map(abs, found.values())) < ENGINES_SHAKING
 
 
-def test_noise_of_all_sensors_is_no_shaking():
-    """Of a count, and in all joints alike."""
+def test_noise_of_a_sensor_is_within_what_engines_differ_by():
+    """A quarter of a count, before angles are rounded."""
     random = np.random.default_rng(5)
+    track, told_s = play(believed(), walked()), walked().sample_s
+    quantum = walked().quantum_rad
     noisy = tuple(
-        x + walked().quantum_rad * random.standard_normal(len(x)) for x in walked().position_rad
+        quantum * np.round(track.at(j, t) / quantum + 0.25 * random.standard_normal(len(t)))
+        for j, t in enumerate(told_s)
     )
-    assert told(shaken(replace(walked(), position_rad=noisy)), walked().quantum_rad) == ()
+    found = more(replace(walked(), position_rad=noisy))
+    assert 0.0 < np.mean(list(found.values())) < ENGINES_SHAKING
+
+
+def test_wrong_packets_are_no_shaking():
+    """One sample in 200 is anything."""
+    random = np.random.default_rng(6)
+
+    def glitched(angle):
+        return np.where(random.random(len(angle)) < 0.005, angle + 0.5, angle)
+
+    found, plain = more(touched(glitched)), more(walked())
+    assert max(abs(found[kind] - plain[kind]) for kind in plain) < ENGINES_SHAKING
+
+
+def test_samples_after_a_gap_are_left_out():
+    """What a joint has moved while nobody looked is no shaking."""
+    gaps = np.arange(len(walked().sample_s[0])) % 9 != 0
+    kept = replace(
+        walked(),
+        sample_s=tuple(t[gaps] for t in walked().sample_s),
+        wait_s=tuple(w[gaps] for w in walked().wait_s),
+        position_rad=tuple(x[gaps] for x in walked().position_rad),
+    )
+    features = Features.of(kept, marvin())
+    full = Features.of(walked(), marvin())
+    assert sum(p.size - (p < 0).sum() for p in features.shaking.phase) < 0.8 * sum(
+        p.size - (p < 0).sum() for p in full.shaking.phase
+    )
+    apart = by_kind(JOINTS, features.shaken - full.shaken)
+    assert max(map(abs, apart.values())) < 2.0 * ENGINES_SHAKING
+
+
+OFF = RobotFit((), np.zeros(0), {}, 0.0)
+NAMED = RobotFit(("payload@all",), np.ones(1), {}, 0.0)
+LOOSE = RobotFit(("backlash@all",), np.full(1, 5.0), {}, 0.0)
+FITS, JUDGES = (0, 1), (2,)
+
+
+def rattling(monkeypatch, left, name="backlash"):
+    """Of a search that takes an effect; ``left`` are nats by fit, and fitted or judging."""
+    gain = SimpleNamespace(name=f"{name}@all", fit=LOOSE)
+    found = SimpleNamespace(taken=(gain,), fit=LOOSE)
+    model = SimpleNamespace(
+        nuisances=(),
+        placed={
+            f"{one}@all": SimpleNamespace(effect=SimpleNamespace(name=one))
+            for one in (name, "payload")
+        },
+        recentre=lambda *_: 0.0,
+    )
+    made = Rattling.__new__(Rattling)
+    made.model, made.which, made.judges = model, FITS, JUDGES
+    made.search = SimpleNamespace(
+        run=lambda **_: found, sight=SimpleNamespace(fit=lambda: RobotFit((), np.zeros(0), {}, 0.0))
+    )
+    monkeypatch.setattr(Rattling, "left", lambda _, fit, which: left[fit is LOOSE, which])
+    monkeypatch.setattr(robot_rattling, "cause_of", lambda *given: given[4:])
+    return made
+
+
+def nats(fitted, judged, fitted_with=0.0, judged_with=0.0):
+    before = {(False, FITS): fitted, (False, JUDGES): judged}
+    return before | {(True, FITS): fitted_with, (True, JUDGES): judged_with}
+
+
+def test_play_that_explains_shaking_is_named(monkeypatch):
+    play = rattling(monkeypatch, nats(60.0, 40.0, 2.0, 4.0)).named(OFF)
+    assert play.cause == (0.9, 36.0)  # the share explained, and the gain, where it is judged
+    assert play.beside(NAMED).settings == (("payload@all", 1.0), ("backlash@all", 5.0))
 
 
 @pytest.mark.parametrize(
-    ("stance", "swing", "said"), [(0.0, 0.6, True), (0.0, 0.4, False), (0.7, 0.6, False)]
+    ("after", "left", "name"),
+    [
+        (OFF, nats(0.9 * NEEDED, 40.0), "backlash"),  # joints shake no more than engines differ
+        (NAMED, nats(0.9 * BESIDE, 40.0), "backlash"),
+        (OFF, nats(60.0, 40.0, 55.0), "backlash"),  # what is named explains as much
+        (OFF, nats(60.0, 40.0, 2.0, 40.0 - 0.9 * HELD_OUT), "backlash"),
+        (OFF, nats(60.0, 40.0), "punch"),  # of which means over the phase say more
+    ],
 )
-def test_what_shakes_more_on_the_ground_is_no_play(stance, swing, said):
-    more = {"coxa stance": stance, "coxa swing": swing, "femur stance": 0.0, "femur swing": 0.0}
-    assert bool(told(more, 1.0)) is said
+def test_what_shaking_does_not_show_is_not_named(monkeypatch, after, left, name):
+    assert rattling(monkeypatch, left, name).named(after) is None
+
+
+@pytest.mark.parametrize(
+    ("after", "judged", "judged_with", "denied"),
+    [
+        (LOOSE, 1.0, 1.0 + 1.1 * NEEDED, True),
+        (LOOSE, 1.0, 1.0 + 0.9 * NEEDED, False),
+        (NAMED, 1.0, 99.0, False),  # no play was named
+    ],
+)
+def test_joints_that_shake_less_than_with_play_deny_it(
+    monkeypatch, after, judged, judged_with, denied
+):
+    made = rattling(monkeypatch, nats(0.0, judged, 0.0, judged_with))
+    assert made.denies(after) is denied
+
+
+def test_where_joints_shake_for_no_reason_the_report_says_so():
+    kinds = {"coxa stance": 0.1, "coxa swing": math.log(2.0), "tibia swing": -0.2}
+    (sentence,) = told(False, 1.1 * NEEDED, 1.1 * NEEDED, kinds)
+    assert "coxa joints shake 2.00 times as much" in sentence
+    assert told(False, 0.9 * NEEDED, 0.9 * NEEDED, kinds) == ()
+    (named,) = told(True, 1.1 * NEEDED, 12.0 * NEEDED, kinds)
+    assert named.startswith("play was named by how much joints shake")

@@ -31,6 +31,11 @@ def test_feet_give_from_nothing_to_what_stiff_rubber_does():
     assert replace(soft, legs=believed().legs) == believed()
 
 
+def test_feet_that_give_next_to_nothing_are_as_stiff_as_any_may_be():
+    (leg, *_) = with_nuisances(believed(), [tips(believed())], [1e-3]).legs
+    assert leg.foot.stiffness_n_m == effect("foot_compliance").parameters[0].high
+
+
 def test_feet_of_which_the_file_speaks_have_no_such_tolerance():
     kind = effect("foot_compliance")
     soft = kind.apply(believed(), (), {"stiffness_n_m": 3e3, "damping_n_s_m": 5.0})

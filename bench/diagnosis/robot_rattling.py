@@ -1,0 +1,143 @@
+"""Play in teeth, named by how much joints shake.
+
+Where legs rattle, means over the phase are chance: replays are as far from each other as recordings
+are, so that these means neither show play nor deny it. How much joints shake does both, and tells
+it from what else may make them shake: all effects are tried on that alone, on the robot as
+believed, as tolerances make no difference there that counts. No other effect is named by shaking:
+of those, means over the phase say more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .noise import huber, whiten
+from .result import Cause
+from .robot_causes import cause_of
+from .robot_features import RobotKind
+from .robot_fit import RobotFit
+from .robot_model import RATTLING, RobotModel
+from .robot_search import BESIDE, HELD_OUT, NEEDED, Progress, RobotGain, RobotSearch
+from .robot_settling import LITTLE
+from .robot_shaking import by_kind
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Play:
+    """Play that was found: the gain that was taken, and the cause."""
+
+    gain: RobotGain
+    cause: Cause
+
+    def beside(self, after: RobotFit) -> RobotFit:
+        """A fit with this play in it as well."""
+        names = (*after.names, self.gain.name)
+        return replace(after, names=names, z=np.append(after.z, self.gain.fit.knobs))
+
+
+class ShakingSearch(RobotSearch):
+    """A search on shaking alone: springs have no two valleys there, and samples are chance."""
+
+    def _with_springs(
+        self, gains: Sequence[RobotGain], now: RobotFit, springs: frozenset[str]
+    ) -> list[RobotGain]:
+        return list(gains)
+
+    def _from_far(self, found: RobotFit) -> RobotFit:
+        return found
+
+    def _whole_square(self, found: RobotFit) -> float:
+        return 0.0
+
+
+class Rattling:
+    """How much joints shake in some recordings, and in those that judge."""
+
+    def __init__(
+        self, model: RobotModel, which: Sequence[int], judges: Sequence[int], say: Progress
+    ) -> None:
+        self.model, self.which, self.judges = model, which, judges
+        self.search = ShakingSearch(model, which, (RobotKind.SHAKING,), say)
+
+    def left(self, found: RobotFit, which: Sequence[int]) -> float:
+        """What a fit leaves of shaking by exact replays, beside what engines differ by [nats]."""
+        self.model.recentre(found.settings, found.nuisances, which)
+        blocks = self.search.sight.blocks(found.names, found.z, which)
+        noise = self.search.sight.noise(blocks)
+        total = 0.0
+        for (_, kind), block in blocks.items():
+            out, _ = whiten(block, noise[kind], block.value[:, None])
+            total += float(np.sum(huber(out[:, 0])))
+        return total
+
+    def more(self, found: RobotFit) -> dict[str, float]:
+        """Logarithm of how much more joints shake than a fit does, by kind of joint and phase."""
+        self.model.recentre(found.settings, found.nuisances, self.judges)
+        kind = RobotKind.SHAKING
+        apart = [
+            self.model.recorded(r, kind)
+            - self.model.modelled(found.settings, found.nuisances, r)[kind]
+            for r in self.judges
+        ]
+        joints = [joint.name for joint in self.model.base.joints]
+        return by_kind(joints, np.mean(apart, axis=0))
+
+    def named(self, after: RobotFit, without: Collection[str] = ()) -> Play | None:
+        """Play that explains what a fit leaves of shaking, where judges bear it out."""
+        needed = BESIDE if after.names else NEEDED
+        left = self.left(after, self.which)
+        if left < needed:
+            return None
+        self.model.recentre((), np.zeros(len(self.model.nuisances)))
+        found = self.search.run(most=1, without=without, base=self.search.sight.fit())
+        if not found.taken:
+            return None
+        (gain,) = found.taken
+        outside, before = (self.left(fit, self.judges) for fit in (found.fit, after))
+        if (
+            not self._rattles(gain.name)
+            or left - self.left(found.fit, self.which) < needed
+            or before - outside < HELD_OUT
+        ):
+            return None
+        self.model.recentre(found.fit.settings, found.fit.nuisances, self.which)
+        share = 1.0 - outside / max(before, 1e-30)
+        cause = cause_of(self.search, found, gain, found.fit, share, before - outside)
+        return Play(gain, cause)
+
+    def denies(self, after: RobotFit) -> bool:
+        """Whether joints shake less than with the play that means over the phase had named."""
+        kept = [(n, z) for n, z in after.settings if not self._rattles(n)]
+        if len(kept) == len(after.names):
+            return False
+        z = np.append(after.nuisances, [value for _, value in kept])
+        plain = replace(after, names=tuple(name for name, _ in kept), z=z)
+        return self.left(after, self.judges) - self.left(plain, self.judges) >= NEEDED
+
+    def _rattles(self, name: str) -> bool:
+        return self.model.placed[name].effect.name in RATTLING
+
+
+def told(
+    named: bool, left_nats: float, before_nats: float, more: Mapping[str, float]
+) -> tuple[str, ...]:
+    """What is to be said of shaking: how play was named, and what is left of so much before."""
+    said = []
+    if named:
+        said.append(
+            "play was named by how much joints shake from sample to sample: where legs rattle is "
+            "chance, so that samples and means over the phase neither show it nor deny it, and the "
+            "fit may be worse with it"
+        )
+    if left_nats >= max(NEEDED, LITTLE * before_nats):
+        most = max(more, key=lambda kind: abs(more[kind]))
+        segment, phase = most.split()
+        said.append(
+            f"from sample to sample, {segment} joints shake {math.exp(more[most]):.2f} times as "
+            f"much as the model's in {phase}, and nothing that was tried explains it"
+        )
+    return tuple(said)
