@@ -153,7 +153,14 @@ class Work:
             ranking=_ranking(found),
             details=self._details(found, after, rest)
             | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
-            | {"shaking": {"before_nats": shook, "left_nats": shakes, "log_ratio": shaken}},
+            | {
+                "shaking": {
+                    "named": play is not None,
+                    "before_nats": shook,
+                    "left_nats": shakes,
+                    "log_ratio": shaken,
+                }
+            },
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 

@@ -116,9 +116,16 @@ def explains(cause: Cause) -> str:
 
 
 def worse(diagnosis: Diagnosis) -> bool:
-    """Whether what is named makes the recordings that judge fit worse."""
+    """Whether what is named makes the recordings that judge fit worse, where samples tell."""
+    if by_shaking(diagnosis):
+        return False
     bearable = HARDLY if elsewhere(diagnosis) else ALIKE
     return bool(diagnosis.causes) and diagnosis.fit.after > bearable * diagnosis.fit.before
+
+
+def by_shaking(diagnosis: Diagnosis) -> bool:
+    """Whether play was named by how much a robot's joints shake: samples tell nothing of it."""
+    return bool(diagnosis.details.get("shaking", {}).get("named"))
 
 
 def elsewhere(diagnosis: Diagnosis) -> list[str]:
@@ -138,6 +145,13 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
             f"On {judged_on(diagnosis)}, the model with what is named misses by more than before "
             f"({degrees(fit.after)} against {degrees(fit.before)}): neither the name nor its "
             "numbers hold there."
+        )
+    elif by_shaking(diagnosis):
+        told.append(
+            "Play shows in how much joints shake from sample to sample, and what it explains is a "
+            "share of that. When legs rattle is chance, so that the misfit, "
+            f"{degrees(fit.before)} without what is named and {degrees(fit.after)} with it, "
+            "neither shows play nor denies it."
         )
     elif diagnosis.causes and sum(c.explained_share for c in diagnosis.causes) < LITTLE:
         if registers := elsewhere(diagnosis):

@@ -29,6 +29,9 @@ from bench.diagnosis.report.telling import (
     remains,
     unfinished,
 )
+from bench.diagnosis.report.telling import (
+    worse as denied,
+)
 from bench.diagnosis.report.traces import typical, worst
 from bench.diagnosis.report.words import MOTIONS, TOLERANCES, meaning
 from bench.diagnosis.result import (
@@ -478,3 +481,13 @@ def test_what_no_recording_foretells_of_another_is_not_said_to_repeat(verdict, s
     assert ("repeats" in headline(diagnosis)) is repeats
     assert ("could be foretold" in remains(left)) is repeats
     assert ("do not agree" in remains(left)) is not repeats
+
+
+@pytest.mark.parametrize("by_shaking", [False, True])
+def test_samples_deny_a_name_but_not_play_that_joints_shake_by(by_shaking):
+    fit = replace(FOUND.fit, before=0.012, after=0.018)
+    told = replace(FOUND, fit=fit, details={"shaking": {"named": by_shaking}})
+    (first, *_) = cautions(told)
+    assert ("neither the name nor its numbers hold there" in first) is not by_shaking
+    assert ("Play shows in how much joints shake" in first) is by_shaking
+    assert denied(told) is not by_shaking
