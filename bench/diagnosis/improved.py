@@ -31,7 +31,7 @@ from .fit import EDGE, block_rms, bounds, estimate_noise, least_squares
 from .joint import JointFindings
 from .model import Blocks, Kind
 from .noise import Noise
-from .nuisances import PRESLIDING, PUNCH, Nuisance
+from .nuisances import PRESLIDING, PUNCH, STALL, Nuisance
 from .result import DEAD
 
 Floats = NDArray[np.float64]
@@ -45,6 +45,7 @@ LEFT = frozenset(
 #: nuisances as effects: the effect and its parameter
 PLACES = {
     "torque_constant": ("torque_constant", "scale"),
+    STALL: ("stall_torque", "scale"),
     "back_emf": ("back_emf", "scale"),
     "coulomb_level": ("coulomb_friction", "more_nm"),
     "viscous_level": ("viscous_friction", "more_nm_s_rad"),

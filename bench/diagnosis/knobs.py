@@ -18,6 +18,7 @@ from sim.robot import PhysicalRobot
 OUTSIDE = frozenset(
     {
         "back_emf",
+        "stall_torque",
         "foot_compliance",
         "foot_slip",
         "ground_compliance",

@@ -28,6 +28,7 @@ SHARE = "(share)"  #: unit of one that lies between nothing and all, and either 
 #: of that name; and the law whose manuals do not say
 PUNCH, UNDOCUMENTED = "punch", "pid"
 PRESLIDING = "presliding"  #: nuisance of friction that gives way before it slips, and its effect
+STALL = "stall_torque"  #: nuisance of a stall torque that was told before friction, and its effect
 #: share of a rotor's inertia that is left at least: a spring cannot move none
 LIGHTEST = 0.02
 MASS, CENTRE_M = 0.05, 0.003  #: tolerances of a link's mass and of where its centre is
@@ -74,7 +75,7 @@ class Nuisance(Reaching):
     @property
     def stands_in(self) -> bool:
         """Whether it stands in for something else where it has gone as far as it may."""
-        return self.unit != SHARE and self.name != PRESLIDING
+        return self.unit != SHARE and self.name not in {PRESLIDING, STALL}
 
     def value(self, z: float, off: float, size: float = 1.0) -> float:
         """What ``z`` deviations make of a number that is ``off`` without.
@@ -161,6 +162,15 @@ NUISANCES = (
         0.06,
         "specimens: +-10 %",
         _scaled(kernel.TORQUE_CONSTANT, kernel.BACK_EMF),
+    ),
+    Nuisance(
+        STALL,
+        "(ratio)",
+        0.0,
+        "whether a stall torque is told with friction or before it is in no data sheet; assumed",
+        _scaled(kernel.TORQUE_CONSTANT),
+        reach=0.0,
+        least=-1.0,
     ),
     Nuisance(
         "back_emf",
@@ -256,18 +266,21 @@ def nuisances(
     body: Section | None = None,
     lever_m: float | None = None,
     law: str = UNDOCUMENTED,
+    lost: float = 0.0,
 ) -> tuple[Nuisance, ...]:
     """The nuisances of a joint, as wide as a robot file says of servo and body, else as usual.
 
     ``lever_m`` is how far the link's centre of mass is from the axis, if that is known: the nearer,
     the more a tolerance of its place means. ``law`` is the position law of the control table.
+    ``lost`` is the share of the stalled motor's torque that friction takes, if the torque constant
+    was made of a stall torque.
     """
     told = {
         DOUBTS[key]: deviation for key in DOUBTS if (deviation := drive.deviation(key)) is not None
     }
     if body is not None and (deviation := body.deviation("mass_kg")) is not None:
         told["link"] = deviation
-    usual = {n.name: n.deviation for n in NUISANCES}
+    usual = {n.name: n.deviation for n in NUISANCES} | {STALL: lost}
     if lever_m is not None:
         off = CENTRE_M / max(lever_m, CENTRE_M)
         usual["link"] = (MASS + off) / WITHIN
@@ -277,5 +290,5 @@ def nuisances(
         if n.name in told
         else replace(n, deviation=usual[n.name])
         for n in NUISANCES
-        if n.name != PUNCH or law == UNDOCUMENTED
+        if (n.name != PUNCH or law == UNDOCUMENTED) and usual[n.name] > 0.0
     )

@@ -30,6 +30,7 @@ WRONG_VALUES = frozenset(
         "link_mass",
         "read_skew",
         "rotor_inertia",
+        "stall_torque",
         "supply_voltage",
         "torque_constant",
         "viscous_friction",

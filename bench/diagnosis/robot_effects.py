@@ -30,6 +30,7 @@ OUTSIDE = frozenset(
         "presliding",
         "punch_left_out",
         "read_skew",
+        "stall_torque",
         "thermal_derating",
         "torque_droop",
         "zero_offset",

@@ -137,6 +137,12 @@ class DriveParameters:
         motor = self._motor_nm(voltage_v)
         return _torque_left(self.friction.level_nm, motor)
 
+    @property
+    def lost_at_stall(self) -> float:
+        """Share of the stalled motor's torque that friction takes, at the data sheet's voltage."""
+        sheet = self.data_sheet
+        return 1.0 - self.stall_torque_nm(sheet.voltage_v) / self._motor_nm(sheet.voltage_v)
+
     def no_load_velocity_rad_s(self, voltage_v: float) -> float:
         """Velocity without load at full duty and a voltage, cold."""
 

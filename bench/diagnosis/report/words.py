@@ -38,6 +38,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "punch": "a least drive as soon as there is any error",
         "read_skew": "positions sampled at another time than believed",
         "rotor_inertia": "a rotor that is harder or easier to spin up than believed",
+        "stall_torque": "a motor that is stronger or weaker at stall than believed",
         "stribeck_friction": "more friction at standstill than when moving",
         "supply_voltage": "a supply of another voltage",
         "thermal_derating": "a motor that weakens as it warms",

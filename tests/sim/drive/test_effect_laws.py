@@ -282,6 +282,18 @@ def test_back_emf(scale: float) -> None:
     assert spun[-1, lanes.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
 
 
+@pytest.mark.parametrize("scale", [0.7, 1.3])
+def test_stall_torque(scale: float) -> None:
+    """More torque at stall, as much speed at no load."""
+    changed = having("stall_torque", level(), scale=scale)
+    pushed = run(changed, replay(pushing(0.1), duration_s=0.02))
+    begun = scale * TORQUE_CONSTANT * 0.1 * STALL_A / INERTIA
+    assert pushed[1, lanes.OUT_VELOCITY] == pytest.approx(begun * TICK_S, rel=0.02)
+    spun = run(changed, replay(pushing(0.1), duration_s=4.0))
+    free = 0.1 * VOLTAGE_V / plain_drive().back_emf_v_s_rad
+    assert spun[-1, lanes.OUT_VELOCITY] == pytest.approx(free, rel=1e-3)
+
+
 # --- friction
 
 

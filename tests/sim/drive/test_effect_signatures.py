@@ -36,6 +36,7 @@ MOVES: Mapping[str, set[str]] = {
     "cable_drag": {P, D},
     "torque_constant": {P, D},
     "back_emf": {P, D},
+    "stall_torque": {P, D},
     "current_limit": {P, D},
     "torque_droop": {P, D},
     "thermal_derating": {P, D},
