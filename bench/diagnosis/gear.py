@@ -3,12 +3,13 @@
 No data sheet gives a gear's stiffness, so that a file's is assumed, and most gears of small servos
 are stiffer than a physics engine carries. A rigid one is tried first, as it is simple; the file's
 is believed where recordings, all tolerances fitted, follow it plainly better. Neither is a finding.
+What else is hidden can make one look like the other, so it is asked again of what is found.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,10 +18,14 @@ from sim.robot import PhysicalRobot
 
 from .fit import Fit, fit
 from .journal import Journal
-from .model import Hypothesis, JointModel
+from .model import GEARS, Hypothesis, JointModel
 from .observed import Observed
 
 PLAINLY = 7.0  #: gain [nats] at which the file's spring is believed
+
+
+class SpringError(Exception):
+    """With what was found, recordings follow the file's spring, and a rigid gear was believed."""
 
 
 def believed(
@@ -41,7 +46,32 @@ def believed(
 
 def sprung(rigid: JointModel) -> tuple[JointModel, Fit] | None:
     """The same joint with the spring of its file, and that fitted; none where it has none."""
-    if rigid.sprung or math.isinf(rigid.base.joints[rigid.index].drive.gear_stiffness_nm_rad):
+    if not _has_spring(rigid):
         return None
     model = rigid.of(rigid.observed, sprung=True)
     return model, fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+
+
+def asked_again(rigid: JointModel) -> Callable[[Fit], None]:
+    """What asks of a fit with effects whether the spring of the file follows it plainly better.
+
+    It raises :class:`SpringError` if so, and never does of names about gears, which have a spring.
+    """
+    if not _has_spring(rigid):
+        return lambda _: None
+    model = rigid.of(rigid.observed, sprung=True)
+
+    def ask(found: Fit) -> None:
+        if GEARS & set(found.hypothesis.effects):
+            return
+        other = fit(model, found.hypothesis, found.z, found.noise, rounds=3)
+        if other.cost < found.cost - PLAINLY:
+            raise SpringError
+
+    return ask
+
+
+def _has_spring(rigid: JointModel) -> bool:
+    """Whether there is a spring in the file that the model does not have."""
+    stiffness = rigid.base.joints[rigid.index].drive.gear_stiffness_nm_rad
+    return not rigid.sprung and math.isfinite(stiffness)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.effects import Effect, catalogue
 
@@ -31,11 +32,15 @@ from .search import (
 from .valleys import DEEPER, afresh, explore
 from .watch import OutOfTimeError
 
+Floats = NDArray[np.float64]
+
 SURE = 3  #: how many of the screened effects are fitted in a step, at least
 EXPLORED = 2  #: of the confirmed that are fitted further
 PLAIN = 50.0  #: gain [nats, deflated] that no difference of engines has: however small its trace
 PROVISIONAL = 25.0  #: gain [nats, deflated] of an effect that may only lack another beside it
 LIKEWISE = 0.1  #: of such a gain that must be there on recordings not used to fit, too
+#: effects that pairs are begun with where a search leaves something, and pairs that are fitted
+SEEDS, PAIRS = 3, 3
 CLOSE = 6.0  #: nats (deflated) by which the second best may be behind, to be asked at all
 #: of the squared noise floor that it must take off the mean square of some kind there
 RELIEF = 0.04
@@ -48,20 +53,24 @@ def grow(
     say: Progress,
     floors: Mapping[Kind, float],
     most: int = 4,
+    ask: Callable[[Fit], None] = lambda _: None,
+    begun: Sequence[Gain] = (),
 ) -> tuple[Fit, list[Gain], list[Gain]]:
     """Take effects one by one while they gain; the fit, those taken, and all that were confirmed.
 
     ``floors`` are the deviations of every kind that a perfect model would leave. After every step
     effects that no longer gain are dropped. One that gains very much where it is fitted, but not on
     recordings left out, may lack another beside it: then the search goes on, and all that it finds
-    is judged together. Where ``say`` is out of time, what was taken until then is given.
+    is judged together. Where ``say`` is out of time, what was taken until then is given. ``ask`` is
+    asked of every step's fit, and may end the search by raising something. ``begun`` is what the
+    base has already.
     """
-    taken: list[Gain] = []
+    taken = list(begun)
     confirmed: list[Gain] = []
     now = base
     sure: tuple[Fit, list[Gain]] | None = None
     try:
-        for step in range(most):
+        for step in range(len(taken), most):
             say(f"step {step + 1}: trying every effect")
             left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
             ranking = screen(model, now, left)
@@ -82,6 +91,7 @@ def grow(
             now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
             taken.append(chosen)
             now, taken = prune(model, now, taken, say)
+            ask(now)
         if sure is not None:
             say("all that was found together, on recordings left out")
             now, taken = _together(model, now, taken, floors)
@@ -90,6 +100,40 @@ def grow(
     if sure is not None and not (taken and all(gain.held_out for gain in taken)):
         now, taken = sure
     return now, taken, confirmed
+
+
+def paired(
+    model: JointModel, confirmed: Sequence[Gain], effects: Mapping[str, Effect], say: Progress
+) -> tuple[Fit, list[Gain]] | None:
+    """The best pair that does not begin with the effect that a search began with, if there is any.
+
+    Two effects may look most like a third, and nothing found beside that leads to them.
+    ``confirmed`` is what that search has confirmed. Where ``say`` is out of time, there is no pair.
+    """
+    tried = [gain.fit.hypothesis.effects for gain in confirmed]
+    led = set.intersection(*some) if (some := [set(t) for t in tried if len(t) == 2]) else set()
+    singles = [g for g, t in zip(confirmed, tried, strict=True) if len(t) == 1]
+    seeds = [g for g in ranked(singles) if g.effect in set(effects) - led][:SEEDS]
+    rows: dict[frozenset[str], tuple[float, Gain, str, Floats]] = {}
+    try:
+        for seed in seeds:
+            say(f"pairs with {seed.effect}: trying every effect")
+            others = [e for name, e in effects.items() if name not in {seed.effect, *led}]
+            for nats, name, start in screen(model, seed.fit, others):
+                row = (seed.fit.cost - nats, seed, name, start)
+                both = frozenset((seed.effect, name))
+                rows[both] = min(rows.get(both, row), row, key=lambda one: one[0])
+        found: list[tuple[Gain, Gain]] = []
+        for _, seed, name, start in sorted(rows.values(), key=lambda row: row[0])[:PAIRS]:
+            say(f"fitting {seed.effect} and {name}")
+            found.append((seed, confirm(model, seed.fit, effects[name], start)))
+    except OutOfTimeError:
+        return None
+    if not found:
+        return None
+    seed, beside = min(found, key=lambda pair: pair[1].fit.cost)
+    best = beside.fit
+    return fit(model, best.hypothesis, best.z, best.noise), [seed, beside]
 
 
 def _deepest(model: JointModel, now: Fit, gains: Sequence[Gain]) -> tuple[Fit, list[Gain]]:

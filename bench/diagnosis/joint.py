@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from .contradiction import supply_contradiction
 from .faint import strained
 from .fit import Fit, block_rms, estimate_noise
 from .floor import noise_floor, tolerance
-from .gear import PLAINLY, believed, sprung
+from .gear import PLAINLY, SpringError, asked_again, believed, sprung
 from .intervals import estimates
 from .journal import Journal
 from .knobs import SEEN, joint_effects
@@ -225,17 +225,28 @@ class _Joint:
 
     def look(self, observed: Sequence[Observed], judged: Sequence[Observed]) -> View:
         """What is found in some recordings, with the gear that follows them."""
-        rigid = believed(self.base, self.robot, observed, self.journal, self.refresh_s)
-        view = self._with(*rigid, judged)
-        if GEARS & set(view.settled.thought_of) and self.watch.stopped is None:
+        model, before = believed(self.base, self.robot, observed, self.journal, self.refresh_s)
+        try:
+            view = self._with(model, before, judged, asked_again(model))
+        except SpringError:
+            view = None
+        if view is not None and not (GEARS & set(view.settled.thought_of)):
+            return view
+        if self.watch.stopped is None and (other := sprung(model)) is not None:
             self.watch.tell("the gear as the robot file has it")
-            if (other := sprung(rigid[0])) is not None:
-                again = self._with(*other, judged)
-                if again.settled.after.cost < view.settled.after.cost + PLAINLY:
-                    return again
+            again = self._with(*other, judged)
+            if view is None or again.settled.after.cost < view.settled.after.cost + PLAINLY:
+                return again
+        assert view is not None, "a search that was given up had time, and the file a spring"
         return view
 
-    def _with(self, model: JointModel, before: Fit, judged: Sequence[Observed]) -> View:
+    def _with(
+        self,
+        model: JointModel,
+        before: Fit,
+        judged: Sequence[Observed],
+        ask: Callable[[Fit], None] = lambda _: None,
+    ) -> View:
         judge = model.of(judged) if judged else model
         start = model.residuals(Hypothesis(), [before.z])[0]
         floor = noise_floor(model.observed, start)
@@ -243,7 +254,7 @@ class _Joint:
             Kind.POSITION: tolerance(floor)
         }
         others = judge if judged else None
-        settled = settle(model, others, before, self.effects, floor, floors, self.watch)
+        settled = settle(model, others, before, self.effects, floor, floors, self.watch, ask)
         return View(model, before, judge, start, floor, floors, settled)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,13 +13,14 @@ from sim.effects import Effect
 
 from .faint import changes_little
 from .fit import Fit, block_rms
-from .growing import grow
+from .growing import grow, paired
 from .intervals import Spread, may_be_nothing
 from .model import JointModel, Kind
 from .rest import rest_of
 from .search import (
     HARM,
     HELD_OUT,
+    NEEDED,
     Gain,
     Outside,
     Progress,
@@ -42,11 +43,13 @@ NOTHING = "its size may as well be nothing"
 ALONE = "beside the others it gains nothing on recordings left out"
 BESIDE = "it explains little of a misfit of which much is left"
 FAINT = "it changes nothing by more than two sound simulations of one joint differ by"
+#: reasons that hang on what else is in a hypothesis: beside another cause a name may hold
+HANGS = frozenset({BETTER, NOTHING, ALONE, BESIDE, FAINT})
 
 
 @dataclass(frozen=True, slots=True)
 class Denied:
-    """A name that is taken back, why, and the gain [nats] that another must have in its place."""
+    """A name that is taken back, why, and what those without it must gain together [nats]."""
 
     gain: Gain
     because: str
@@ -73,6 +76,7 @@ class Settled:
     confirmed: Sequence[Gain]
     effects: Mapping[str, Effect]
     rejected: Sequence[Mapping[str, Any]]
+    needed: float  #: what names must gain together [nats], after those that were taken back
     refuted: Collection[str] = ()  #: those of the rejected that cannot be what another could be
 
     @property
@@ -89,58 +93,135 @@ def settle(
     floor: float,
     floors: Mapping[Kind, float],
     watch: Watch,
+    ask: Callable[[Fit], None] = lambda _: None,
 ) -> Settled:
     """Search, and take names back until nothing speaks against those that are left.
 
     ``judge`` has the recordings that were not used to fit, if there are any. After the first name
-    that is taken back there is a second search without it; then names are only taken back. Where no
-    name is left, the fit is the deeper of those without one.
+    that is taken back there is a second search without it; then names are only taken back, and once
+    that is done it is looked what else gains beside those that are left. Where no name is left, the
+    fit is the deeper of those without one. ``ask`` is asked of every step's fit.
+
+    Where something structured is left, the best pair that begins otherwise is searched on from, and
+    what comes of that is taken if it is likelier and leaves less on recordings that judge.
     """
-    rejected: list[Mapping[str, Any]] = []
-    refuted: set[str] = set()
-    needed = 0.0
-    after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
-    while True:
-        denied = _objected(model, after, taken, effects, needed)
-        parts = _parts(model, after, taken, watch.tell) if denied is None else []
-        if denied is None:
-            denied = _faint(model, judge, after, parts)
+    settling = _Settling(model, judge, before, floor, floors, watch, ask)
+    first = settling.settled(effects, settling.grown(before, effects))
+    if watch.stopped is not None or not settling.leaves(first.after):
+        return first
+    left = _without(effects, [row for row in first.rejected if row["because"] not in HANGS])
+    begun = paired(model, first.confirmed, left, watch)
+    if begun is None or begun[0].cost > first.after.cost - NEEDED * begun[1][1].inflation:
+        return first
+    second = settling.settled(left, settling.grown(begun[0], left, begun[1]), first.needed)
+    likelier = second.after.cost < first.after.cost
+    nearer = _square(judge or model, second.after) < _square(judge or model, first.after)
+    if not (second.taken and likelier and nearer):
+        return first
+    rows = [row for row in first.rejected if row["effect"] not in second.thought_of]
+    refuted = {*first.refuted, *second.refuted}
+    return replace(second, rejected=[*rows, *second.rejected], refuted=refuted)
+
+
+Grown = tuple[Fit, Sequence[Gain], Sequence[Gain]]  #: a fit, its names, and all that was confirmed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Settling:
+    """What names are judged by."""
+
+    model: JointModel
+    judge: JointModel | None
+    before: Fit
+    floor: float
+    floors: Mapping[Kind, float]
+    watch: Watch
+    ask: Callable[[Fit], None]
+
+    def grown(
+        self, base: Fit, effects: Mapping[str, Effect], begun: Sequence[Gain] = (), most: int = 4
+    ) -> Grown:
+        """What a search finds, from a fit that has some effects already."""
+        known = (dict(effects), self.watch, self.floors, most)
+        return grow(self.model, base, *known, ask=self.ask, begun=begun)
+
+    def leaves(self, found: Fit) -> bool:
+        """Whether a fit leaves something structured."""
+        return rest_of(self.model, self.judge or self.model, found, self.floor).structured
+
+    def settled(self, effects: Mapping[str, Effect], grown: Grown, needed: float = 0.0) -> Settled:
+        """What is left of a search once nothing speaks against it any more."""
+        every, rejected, looked = effects, list[Mapping[str, Any]](), False
+        refuted: set[str] = set()
+        after, taken, confirmed = grown
+        while True:
+            denied = self._denied(after, taken, effects, needed)
+            if denied is None and rejected and taken and not looked and not self.watch.stopped:
+                looked = True
+                last = [
+                    row for row in rejected if row["because"] not in HANGS or row is rejected[-1]
+                ]
+                others = _without(every, last)
+                after, names, more = self.grown(after, others, taken, len(taken) + 1)
+                confirmed = [*confirmed, *more]
+                if {gain.effect for gain in names} != {gain.effect for gain in taken}:
+                    held = {gain.effect for gain in names}
+                    rejected = [row for row in rejected if row["effect"] not in held]
+                    taken, effects = names, _without(every, rejected)
+                    continue
+            if denied is None:
+                if not taken:
+                    after = min(self.before, after, key=lambda found: found.cost)
+                return Settled(after, taken, confirmed, effects, rejected, needed, refuted)
+            needed = max(needed, denied.needed)
+            name, nats = denied.gain.effect, float(denied.gain.deflated)
+            rejected.append({"effect": name, "gain_nats": nats, "because": denied.because})
+            refuted |= {name} if denied.refuted else set()
+            effects = _without(effects, rejected)
+            if len(rejected) == 1 and denied.again and self.watch.stopped is None:
+                after, taken, confirmed = self.grown(self.before, effects)
+            else:
+                after, *_ = drop(self.model, after, name)
+                taken = [gain for gain in taken if gain.effect != name]
+
+    def _denied(
+        self, after: Fit, taken: Sequence[Gain], effects: Mapping[str, Effect], needed: float
+    ) -> Denied | None:
+        """The first name that something speaks against."""
+        model, judge = self.model, self.judge
+        if (denied := _objected(model, self.before, after, taken, effects, needed)) is not None:
+            return denied
+        parts = _parts(model, after, taken, self.watch.tell)
+        denied = _faint(model, judge, after, parts)
         if denied is None and judge is not None:
-            denied = _denied(model, judge, after, parts, floors)
+            denied = _denied(model, judge, after, parts, self.floors)
         if denied is None:
-            denied = _unsure(model, after, parts, floors)
+            denied = _unsure(model, after, parts, self.floors)
         if denied is None:
-            denied = _little(model, judge or model, before, after, parts, floor)
-        if denied is None:
-            if not taken:
-                after = min(before, after, key=lambda found: found.cost)
-            return Settled(after, taken, confirmed, effects, rejected, refuted)
-        needed = max(needed, denied.needed)
-        name = denied.gain.effect
-        rejected.append(
-            {"effect": name, "gain_nats": float(denied.gain.deflated), "because": denied.because}
-        )
-        refuted |= {name} if denied.refuted else set()
-        effects = {other: e for other, e in effects.items() if other != name}
-        if len(rejected) == 1 and denied.again and watch.stopped is None:
-            after, taken, confirmed = grow(model, before, dict(effects), watch, floors)
-        else:
-            after, *_ = drop(model, after, name)
-            taken = [gain for gain in taken if gain.effect != name]
+            denied = _little(model, judge or model, self.before, after, parts, self.floor)
+        return denied
+
+
+def _without(effects: Mapping[str, Effect], rows: Sequence[Mapping[str, Any]]) -> dict[str, Effect]:
+    """Effects but those of some rows."""
+    names = {row["effect"] for row in rows}
+    return {name: e for name, e in effects.items() if name not in names}
 
 
 def _objected(
     model: JointModel,
+    before: Fit,
     after: Fit,
     taken: Sequence[Gain],
     effects: Mapping[str, Effect],
     needed: float,
 ) -> Denied | None:
-    """A name that something speaks against, or that explains far less than one taken back."""
+    """A name that something speaks against, or the last of those that explain far less."""
+    explained = before.cost - after.cost
     for gain in taken:
         if (why := objection(model, after, gain, effects)) is not None:
-            return Denied(gain, why, BEHIND * gain.deflated, refuted=True)
-    if taken and taken[0].deflated < needed:
+            return Denied(gain, why, BEHIND * explained, refuted=True)
+    if taken and explained < needed:
         return Denied(taken[-1], BETTER)
     return None
 

@@ -17,6 +17,7 @@ from .search import NUMBER_NATS, Gain, confirm, drop, screen
 
 PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
+WAVES = "periods"  #: number of an effect that is a wave, which ends where nothing is one any more
 LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
 #: times a limit, beyond which a duty denies it (a fit is not exact), and in how many samples
 BEYOND, SAMPLES = 1.04, 5
@@ -27,16 +28,8 @@ def objection(
     model: JointModel, found: Fit, gain: Gain, effects: Mapping[str, Effect]
 ) -> str | None:
     """Why an effect of a fit cannot be the cause; ``None`` where nothing speaks against it."""
-    count = len(model.nuisances)
-    for knob, z in zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True):
-        if knob.effect != gain.effect or knob.parameter.shape:
-            continue
-        low, high = knob.bounds
-        if z >= high - EDGE or (low < 0.0 and z <= low + EDGE):
-            return (
-                f"it would need {knob.parameter.name} = {knob.value(z):.3g} {knob.parameter.unit} "
-                "or beyond, which is not plausible"
-            )
+    if (why := _implausible(model, found, gain.effect)) is not None:
+        return why
     if gain.effect == LIMITS and (why := _shown_beyond(model, found)) is not None:
         return why
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
@@ -50,6 +43,25 @@ def objection(
     best = confirm(model, without, plain, start)
     if own.deflated - best.counted(own.inflation) < 2.0 * NUMBER_NATS:
         return f"nothing is seen of what sets it apart from {plainer}, which is not to be named"
+    return None
+
+
+def _implausible(model: JointModel, found: Fit, effect: str) -> str | None:
+    """That a number of an effect is one that nothing has, if it is."""
+    count = len(model.nuisances)
+    for knob, z in zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True):
+        if knob.effect != effect:
+            continue
+        low, high = knob.bounds
+        if knob.parameter.name == WAVES and z <= low + EDGE:
+            return "half a wave a turn, or less, is no wave of a sensor: an angle off or a slope"
+        if knob.parameter.shape:
+            continue
+        if z >= high - EDGE or (low < 0.0 and z <= low + EDGE):
+            return (
+                f"it would need {knob.parameter.name} = {knob.value(z):.3g} {knob.parameter.unit} "
+                "or beyond, which is not plausible"
+            )
     return None
 
 

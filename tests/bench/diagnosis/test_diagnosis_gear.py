@@ -6,7 +6,7 @@ from pendulum_logs import JOINT, logs, model_of, robot
 
 from bench.diagnosis import joint
 from bench.diagnosis.fit import bounds, fit
-from bench.diagnosis.gear import believed
+from bench.diagnosis.gear import SpringError, asked_again, believed
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.nuisances import GEAR_LEVELS
@@ -70,3 +70,20 @@ def test_the_spring_of_the_file_is_no_compliance_where_it_was_taken_for_rigid(mo
     found = joint.diagnose_joint(read_model(robot()), robot(), told, effects=effects)
     assert found.model.sprung
     assert found.diagnosis.causes == ()
+
+
+def test_a_rigid_gear_is_asked_again_once_something_is_named():
+    """Without the name either gear may follow as well; with it the spring is seen."""
+    name, told = "gain_error", {"gain_error": {"scale": 0.7}}
+    hypothesis = Hypothesis(effect_knobs(effect(name)))
+    for sprung in (True, False):
+        model = model_of(logs(told, motions=("fast", "steps"), sprung=sprung))
+        start = np.append(np.zeros(len(model.nuisances)), hypothesis.knobs[0].at(0.7))
+        found, ask = fit(model, hypothesis, start), asked_again(model)
+        if sprung:
+            with pytest.raises(SpringError):
+                ask(found)
+            asked_again(model.of(model.observed, sprung=True))(found)  # has it already
+        else:
+            ask(found)
+    ask(fit(model, PLAY, np.append(np.zeros(len(model.nuisances)), 0.5)))

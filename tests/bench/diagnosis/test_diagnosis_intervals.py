@@ -213,6 +213,15 @@ def test_nothing_speaks_against_an_effect_that_is_off_or_against_its_shape():
     assert objection(model, found, gain_of("cable_drag", found), EVERY) is None
 
 
+def test_a_wave_of_less_than_half_a_turn_is_none():
+    knobs = effect_knobs(effect("encoder_nonlinearity"))
+    for periods, speaks in ((knobs[1].parameter.low, True), (0.8, False)):
+        numbers = [1.0, knobs[1].at(periods), 0.0]
+        model, found = with_numbers("encoder_nonlinearity", numbers)
+        why = objection(model, found, gain_of("encoder_nonlinearity", found), EVERY)
+        assert (why is not None) is speaks
+
+
 def test_a_limit_of_the_duty_that_its_register_shows_more_than_is_denied():
     model, found = fitted("torque_limit", {"duty": 0.4}, [1.5])
     gain = gain_of("torque_limit", found)
@@ -264,10 +273,18 @@ def test_what_is_no_more_than_a_plainer_effect_is_not_named_for_it(planted, trut
 
 def test_what_explains_far_less_than_a_name_taken_back_is_not_named():
     model, found = with_numbers("load_friction", [0.1])
-    gain = gain_of("load_friction", found, nats=20.0)
-    assert _objected(model, found, [gain], EVERY, needed=10.0) is None
-    denied = _objected(model, found, [gain], EVERY, needed=30.0)
+    gain, before = gain_of("load_friction", found), replace(found, cost=found.cost + 20.0)
+    assert _objected(model, before, found, [gain], EVERY, needed=10.0) is None
+    denied = _objected(model, before, found, [gain], EVERY, needed=30.0)
     assert denied.because == BETTER
+
+
+def test_names_together_take_the_place_of_one_taken_back():
+    """The first of two gains little by itself, before the other is beside it."""
+    model, found = with_numbers("load_friction", [0.1])
+    before = replace(found, cost=found.cost + 20.0)
+    gains = [gain_of("load_friction", found, nats=nats) for nats in (5.0, 15.0)]
+    assert _objected(model, before, found, gains, EVERY, needed=10.0) is None
 
 
 @pytest.mark.parametrize(("ratio", "unsure"), [(0.0, True), (0.3, False)])
