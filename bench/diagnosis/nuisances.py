@@ -166,7 +166,7 @@ NUISANCES = (
     Nuisance(
         STALL,
         "(ratio)",
-        0.0,
+        0.06,
         "whether a stall torque is told with friction or before it is in no data sheet; assumed",
         _scaled(kernel.TORQUE_CONSTANT),
         reach=0.0,

@@ -236,7 +236,7 @@ def test_a_nuisance_that_is_the_robots_is_in_the_better_model(name, z, tmp_path)
     none = np.zeros(len(vector))
     before = model.residuals(Hypothesis(), [none])[0]
     wanted = model.residuals(Hypothesis(), [vector])[0]
-    got = again.residuals(Hypothesis(), [none])[0]
+    got = again.residuals(Hypothesis(), [np.zeros(len(again.nuisances))])[0]
     for key, block in wanted.items():
         if name == "sampling" and key[1] is Kind.DUTY:
             continue  # a file can tell late positions only, and a law is asked along them
