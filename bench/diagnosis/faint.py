@@ -39,10 +39,13 @@ Squares = Mapping[Kind, Sequence[float]]  #: mean squares by kind, of every grou
 def changes_little(models: Sequence[JointModel], without: Fit, with_it: Fit, effect: str) -> bool:
     """Whether a fit is hardly nearer to the recordings of some models with an effect than without.
 
-    A time of less than a tick is where a firmware's ticks lie, which nobody knows. What takes a
+    What takes recordings' positions farther off is no better, whatever another register gains. A
+    time of less than a tick is where a firmware's ticks lie, which nobody knows. What takes a
     strain off tolerances changes much, though recordings are followed no better for it.
     """
     if within_a_tick(with_it, len(models[0].nuisances), effect):
+        return True
+    if contradicted(models, without, with_it):
         return True
     if strained(models[0], without) and not strained(models[0], with_it):
         return False
@@ -53,6 +56,17 @@ def hardly_better(models: Sequence[JointModel], one: Fit, other: Fit) -> bool:
     """Whether the other fit is nearer to recordings by no more than two sound engines differ."""
     before, now = (group_squares(models, found) for found in (one, other))
     return faint(before, now, engines_rad(models[0]) ** 2, models[0].floors())
+
+
+def contradicted(models: Sequence[JointModel], without: Fit, with_it: Fit) -> bool:
+    """Whether positions are farther off with an effect, by what it would have to take off them.
+
+    What a controller's register shows is made of its own instants and filters, which nobody
+    documents; a cause that is in the motion does not make the motion worse.
+    """
+    before, now = (group_squares(models, found)[Kind.POSITION] for found in (without, with_it))
+    worse = float(np.mean(np.array(now) - np.array(before)))
+    return worse > SHARED * engines_rad(models[0]) ** 2
 
 
 def strained(model: JointModel, found: Fit) -> bool:

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from sim.effects import Effect
 
-from .faint import changes_little
+from .faint import changes_little, contradicted
 from .fit import Fit, block_rms
 from .growing import grow, paired
 from .intervals import Spread, may_be_nothing
@@ -43,8 +43,9 @@ NOTHING = "its size may as well be nothing"
 ALONE = "beside the others it gains nothing on recordings left out"
 BESIDE = "it explains little of a misfit of which much is left"
 FAINT = "it changes nothing by more than two sound simulations of one joint differ by"
+CONTRADICTED = "another register is nearer with it, and the motion itself is farther off"
 #: reasons that hang on what else is in a hypothesis: beside another cause a name may hold
-HANGS = frozenset({BETTER, NOTHING, ALONE, BESIDE, FAINT})
+HANGS = frozenset({BETTER, NOTHING, ALONE, BESIDE, FAINT, CONTRADICTED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,9 +240,11 @@ def _parts(model: JointModel, after: Fit, taken: Sequence[Gain], say: Progress) 
 def _faint(
     model: JointModel, judge: JointModel | None, after: Fit, parts: Sequence[Part]
 ) -> Denied | None:
-    """A name that changes next to nothing, however sure the likelihood is of it."""
+    """A name that the positions deny, or that changes next to nothing, however sure it seems."""
     everywhere = (model, judge) if judge is not None else (model,)
     for part in parts:
+        if contradicted(everywhere, part.without, after):
+            return Denied(part.gain, CONTRADICTED, again=False)
         if changes_little(everywhere, part.without, after, part.gain.effect):
             return Denied(part.gain, FAINT, again=False)
     return None

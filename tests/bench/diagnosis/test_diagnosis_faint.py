@@ -10,11 +10,13 @@ from bench.diagnosis.faint import (
     SHARE,
     SHARED,
     changes_little,
+    contradicted,
     faint,
     strained,
     within_a_tick,
 )
 from bench.diagnosis.fit import Fit
+from bench.diagnosis.floor import engines_rad
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, Kind
 from sim.effects import effect
@@ -78,3 +80,15 @@ def test_what_takes_a_strain_off_tolerances_is_no_faint_name(monkeypatch):
     assert not changes_little([model], stretched, named, "gain_error")
     assert changes_little([model], eased, named, "gain_error")
     assert changes_little([model], stretched, named_far, "gain_error")
+
+
+@pytest.mark.parametrize(("share", "denied"), [(0.9, False), (1.1, True), (-5.0, False)])
+def test_what_the_motion_is_farther_off_with_is_no_name(share, denied, monkeypatch):
+    """However much nearer another register is: firmware filters it at its own instants."""
+    model = model_of(logs(motions=["slow"]))
+    worse = share * SHARED * engines_rad(model) ** 2
+    squares = {"without": [3e-6, 3e-6], "with": [3e-6, 3e-6 + 2.0 * worse]}
+    monkeypatch.setattr(
+        "bench.diagnosis.faint.group_squares", lambda _, found: {Kind.POSITION: squares[found]}
+    )
+    assert contradicted([model], "without", "with") is denied
