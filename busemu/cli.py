@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import os
 import signal
 import sys
 from importlib.metadata import entry_points, version
@@ -331,9 +333,19 @@ def main() -> None:
         _say(f"this command needs {missing}: pip install 'busemu[hal,sim,bench]'")
         sys.exit(1)
     except BrokenPipeError:  # the reader has gone, as `head` does: no news
+        _write_no_more()
         sys.exit(1)
     except OSError as error:
         if error.errno not in NOT_TAKEN:
             raise
         _say(error)
+        _write_no_more()
         sys.exit(1)
+
+
+def _write_no_more() -> None:
+    """Leave what is still buffered unwritten: the interpreter tries once more as it ends."""
+    with contextlib.suppress(OSError, ValueError):  # an output that is no file, or closed
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

@@ -18,6 +18,12 @@ COMMANDS = [
 ]
 
 
+@pytest.fixture(params=["", "1"], ids=["buffered", "unbuffered"], autouse=True)
+def _buffering(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Either way of Python's: what is buffered fails only as the program ends."""
+    monkeypatch.setenv("PYTHONUNBUFFERED", request.param)
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
 def test_a_disk_that_is_full_is_one_clear_line(words: list[str]) -> None:
