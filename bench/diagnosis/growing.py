@@ -110,10 +110,10 @@ def paired(
     Two effects may look most like a third, and nothing found beside that leads to them.
     ``confirmed`` is what that search has confirmed. Where ``say`` is out of time, there is no pair.
     """
-    tried = [gain.fit.hypothesis.effects for gain in confirmed]
-    led = set.intersection(*some) if (some := [set(t) for t in tried if len(t) == 2]) else set()
-    singles = [g for g, t in zip(confirmed, tried, strict=True) if len(t) == 1]
-    seeds = [g for g in ranked(singles) if g.effect in set(effects) - led][:SEEDS]
+    singles = [gain for gain in confirmed if len(gain.fit.hypothesis.effects) == 1]
+    pairs = [gain for gain in confirmed if len(gain.fit.hypothesis.effects) == 2]
+    led = {name for gain in pairs for name in gain.fit.hypothesis.effects if name != gain.effect}
+    seeds = [g for g in ranked(singles) if g.effect in effects and g.effect not in led][:SEEDS]
     rows: dict[frozenset[str], tuple[float, Gain, str, Floats]] = {}
     try:
         for seed in seeds:

@@ -116,8 +116,7 @@ class JointModel:
         body = next((b for b in bodies if b.table.get("name") == joint), None)
         drive = told.section("drive").section(self.mount.model)
         law = str(robot.tables[self.mount.servo_id].drive.get("law"))
-        given = "torque_constant_nm_a" in drive
-        lost = 0.0 if given else base.joints[self.index].drive.lost_at_stall
+        lost = base.joints[self.index].drive.lost_at_stall
         self.nuisances = nuisances(drive, body, _lever_m(base, joint), law, lost)
         self._punched = any(has_punch(o.replay.start, *o.replay.events.T[1:]) for o in observed)
         self._batch = Batch([o.replay for o in observed])

@@ -166,7 +166,7 @@ NUISANCES = (
     Nuisance(
         STALL,
         "(ratio)",
-        0.06,
+        0.06,  # of an XL-320; a joint has its own
         "whether a stall torque is told with friction or before it is in no data sheet; assumed",
         _scaled(kernel.TORQUE_CONSTANT),
         reach=0.0,
@@ -272,15 +272,16 @@ def nuisances(
 
     ``lever_m`` is how far the link's centre of mass is from the axis, if that is known: the nearer,
     the more a tolerance of its place means. ``law`` is the position law of the control table.
-    ``lost`` is the share of the stalled motor's torque that friction takes, if the torque constant
-    was made of a stall torque.
+    ``lost`` is the share of the stalled motor's torque that friction takes; it is in doubt where
+    the torque constant is made of a stall torque.
     """
     told = {
         DOUBTS[key]: deviation for key in DOUBTS if (deviation := drive.deviation(key)) is not None
     }
     if body is not None and (deviation := body.deviation("mass_kg")) is not None:
         told["link"] = deviation
-    usual = {n.name: n.deviation for n in NUISANCES} | {STALL: lost}
+    usual = {n.name: n.deviation for n in NUISANCES}
+    usual[STALL] = 0.0 if "torque_constant_nm_a" in drive else lost
     if lever_m is not None:
         off = CENTRE_M / max(lever_m, CENTRE_M)
         usual["link"] = (MASS + off) / WITHIN

@@ -14,6 +14,7 @@ from busemu.tables import Robot
 from sim.model import Addition, read_model
 
 from .journal import Journal
+from .rest import is_worse
 from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, verdict_of
 from .robot_causes import cause_of, close_rivals
 from .robot_features import MEANS, RobotKind
@@ -132,7 +133,8 @@ class Work:
             better = judge(model, self.robot, after.nuisances, extra, self.judges)
         shown = [model.features[r] for r in self.judges]
         rmse = [steady_rmse_rad(shown, judged) for judged in (believed, better)]
-        verdict = verdict_of(bool(causes), rest.structured or rmse[1] > rmse[0])
+        floor = floor_rad(model, self.judges)
+        verdict = verdict_of(bool(causes), rest.structured or is_worse(rmse[0], rmse[1], floor))
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
             verdict=verdict,
@@ -141,7 +143,7 @@ class Work:
             fit=FitSummary(
                 before=rmse[0],
                 after=rmse[1],
-                noise_floor=floor_rad(model, self.judges),
+                noise_floor=floor,
                 held_out=self.held_out,
                 recordings=tuple(model.observed[r].name for r in self.judges),
             ),

@@ -110,7 +110,7 @@ def settle(
     first = settling.settled(effects, settling.grown(before, effects))
     if watch.stopped is not None or not settling.leaves(first.after):
         return first
-    left = _without(effects, [row for row in first.rejected if row["because"] not in HANGS])
+    left = _without(effects, _firm(first.rejected))
     begun = paired(model, first.confirmed, left, watch)
     if begun is None or begun[0].cost > first.after.cost - NEEDED * begun[1][1].inflation:
         return first
@@ -152,23 +152,21 @@ class _Settling:
 
     def settled(self, effects: Mapping[str, Effect], grown: Grown, needed: float = 0.0) -> Settled:
         """What is left of a search once nothing speaks against it any more."""
-        every, rejected, looked = effects, list[Mapping[str, Any]](), False
+        every = effects
+        rejected: list[Mapping[str, Any]] = []
         refuted: set[str] = set()
+        looked = False
         after, taken, confirmed = grown
         while True:
             denied = self._denied(after, taken, effects, needed)
             if denied is None and rejected and taken and not looked and not self.watch.stopped:
-                looked = True
-                last = [
-                    row for row in rejected if row["because"] not in HANGS or row is rejected[-1]
-                ]
-                others = _without(every, last)
-                after, names, more = self.grown(after, others, taken, len(taken) + 1)
+                looked, alone = True, {gain.effect for gain in taken}
+                others = _without(every, [*_firm(rejected[:-1]), rejected[-1]])
+                after, taken, more = self.grown(after, others, taken, len(taken) + 1)
                 confirmed = [*confirmed, *more]
-                if {gain.effect for gain in names} != {gain.effect for gain in taken}:
-                    held = {gain.effect for gain in names}
+                if (held := {gain.effect for gain in taken}) != alone:
                     rejected = [row for row in rejected if row["effect"] not in held]
-                    taken, effects = names, _without(every, rejected)
+                    effects = _without(every, rejected)
                     continue
             if denied is None:
                 if not taken:
@@ -201,6 +199,11 @@ class _Settling:
         if denied is None:
             denied = _little(model, judge or model, self.before, after, parts, self.floor)
         return denied
+
+
+def _firm(rejected: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Those of the rejected that no other cause beside them would make a name."""
+    return [row for row in rejected if row["because"] not in HANGS]
 
 
 def _without(effects: Mapping[str, Effect], rows: Sequence[Mapping[str, Any]]) -> dict[str, Effect]:
@@ -243,10 +246,9 @@ def _faint(
     """A name that the positions deny, or that changes next to nothing, however sure it seems."""
     everywhere = (model, judge) if judge is not None else (model,)
     for part in parts:
-        if contradicted(everywhere, part.without, after):
-            return Denied(part.gain, CONTRADICTED, again=False)
         if changes_little(everywhere, part.without, after, part.gain.effect):
-            return Denied(part.gain, FAINT, again=False)
+            worse = contradicted(everywhere, part.without, after)
+            return Denied(part.gain, CONTRADICTED if worse else FAINT, again=False)
     return None
 
 
