@@ -127,6 +127,26 @@ class Candidate:
         )
 
 
+SOFT, FALLING, RAISED = 1, 2, 4  #: kinds of jobs: of their gears, and of how friction falls
+ROLLOUTS = {
+    0: lanes.rollout_rigid,
+    SOFT: lanes.rollout_sprung,
+    FALLING: lanes.rollout_rigid_slow,
+    SOFT | FALLING: lanes.rollout_sprung_slow,
+    FALLING | RAISED: lanes.rollout_raised,
+    SOFT | FALLING | RAISED: lanes.rollout_raised,
+}
+
+
+def _kinds(params: Array) -> NDArray[np.int64]:
+    """What kinds jobs are of (jobs,), from their drives (jobs, fields)."""
+    soft = np.isfinite(params[:, kernel.GEAR_STIFFNESS])
+    falling = (params[:, kernel.FALLING] != 0.0).any(axis=1)
+    raised = falling & (params[:, kernel.STRIBECK_EXPONENT] != 1.0)
+    kinds: NDArray[np.int64] = SOFT * soft + FALLING * falling + RAISED * raised
+    return kinds
+
+
 class Batch:
     """Replays that are run again and again with other candidates, on ``threads`` (all, if None)."""
 
@@ -212,10 +232,7 @@ class Batch:
 
     def _groups(self, params: Array, end_s: Array) -> lanes.Integers:
         """Jobs that are rolled out together, the longest first: (groups, LANES), -1 is none."""
-        soft = np.isfinite(params[:, kernel.GEAR_STIFFNESS])
-        play = params[:, kernel.BACKLASH] != 0.0
-        falling = (params[:, kernel.FALLING] != 0.0).any(axis=1)
-        kind = 4 * soft + 2 * play + falling
+        kind = 2 * _kinds(params) + (params[:, kernel.BACKLASH] != 0.0)
         order = np.lexsort((-end_s, kind))
         groups = [
             alike[k : k + lanes.LANES]
@@ -228,29 +245,29 @@ class Batch:
         return number
 
     def _share(self, groups: Array, jobs: Jobs, out: Array) -> None:
-        soft = np.isfinite(groups[:, kernel.GEAR_STIFFNESS, 0])
+        kinds = _kinds(groups[:, : kernel.PARAMS, 0])
         tasks = [
             _pool(self._threads).submit(
-                lanes.rollout,
+                ROLLOUTS[kinds[first]],
                 groups,
                 jobs,
                 TICK_S,
-                substeps,
+                GEAR_SUBSTEPS if kinds[first] & SOFT else RIGID_SUBSTEPS,
                 first,
                 last,
                 np.empty((lanes.PLACES, lanes.LANES), np.int64),
                 out,
             )
-            for first, last, substeps in self._alike(soft)
+            for first, last in self._alike(kinds)
         ]
         for task in tasks:
             task.result()
 
-    def _alike(self, soft: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
-        """Parts of groups whose gears are all soft or all rigid, and their substeps."""
-        edges = [0, *(np.flatnonzero(soft[1:] != soft[:-1]) + 1).tolist(), len(soft)]
+    def _alike(self, kinds: NDArray[np.int64]) -> list[tuple[int, int]]:
+        """Parts of groups of one kind."""
+        edges = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(kinds)]
         return [
-            (first + begin, last + begin, GEAR_SUBSTEPS if soft[begin] else RIGID_SUBSTEPS)
+            (first + begin, last + begin)
             for begin, end in itertools.pairwise(edges)
             for first, last in self._parts(end - begin)
         ]

@@ -36,6 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiling import compiled, inlined
+from .elementary import decay, sine_cosine
 
 Array = NDArray[np.float64]
 
@@ -175,6 +176,7 @@ class Train(NamedTuple):
     quadratic_motor: float
     quadratic_external: float
     slow: bool  #: whether any term falls with velocity
+    raised: bool  #: whether that is to another power than 1, which takes long
     stiffness: float
     damping: float
     half_backlash: float
@@ -191,6 +193,12 @@ def falling(params: Array, i: int) -> bool:
 
 
 @inlined
+def is_raised(params: Array, i: int) -> bool:
+    """Whether a servo's friction falls with another power of the velocity than 1."""
+    return bool(params[STRIBECK_EXPONENT, i] != 1.0)
+
+
+@inlined
 def bridge(arrays: Arrays, i: int) -> tuple[float, float]:
     """Voltage at a winding [V] and its conductance [S], both 0 while the bridge is open."""
     closed = 1.0 if running(arrays, i) else 0.0
@@ -199,8 +207,10 @@ def bridge(arrays: Arrays, i: int) -> tuple[float, float]:
 
 
 @inlined
-def train(params: Array, i: int, volts: float, conductance: float, slow: bool) -> Train:
-    """One servo's drive train; see :func:`bridge` and :func:`falling`."""
+def train(
+    params: Array, i: int, volts: float, conductance: float, slow: bool, raised: bool
+) -> Train:
+    """One servo's drive train; see :func:`bridge`, :func:`falling` and :func:`is_raised`."""
     return Train(
         volts,
         conductance,
@@ -220,6 +230,7 @@ def train(params: Array, i: int, volts: float, conductance: float, slow: bool) -
         params[QUADRATIC_MOTOR, i],
         params[QUADRATIC_EXTERNAL, i],
         slow,
+        raised,
         params[GEAR_STIFFNESS, i],
         params[GEAR_DAMPING, i],
         0.5 * params[BACKLASH, i],
@@ -235,15 +246,14 @@ def friction_level(t: Train, velocity: float, motor: float, external: float) -> 
     if t.slow:
         slow = t.stribeck
         slow += abs(t.load_motor_stribeck * motor - t.load_external_stribeck * external)
-        if motor * external < 0.0:
-            if abs(motor) > abs(external):
-                slow += t.quadratic_external * external * external
-            else:
-                slow += t.quadratic_motor * motor * motor
+        back = t.quadratic_motor * motor * motor
+        ahead = t.quadratic_external * external * external
+        more = ahead if abs(motor) > abs(external) else back
+        slow += more if motor * external < 0.0 else 0.0
         ratio = abs(velocity) / t.stribeck_velocity
-        if t.stribeck_exponent != 1.0:  # most are, and a power takes longer than all the rest
+        if t.raised:
             ratio **= t.stribeck_exponent
-        level += math.exp(-ratio) * slow
+        level += decay(ratio) * slow
     return float(level)
 
 
@@ -340,7 +350,7 @@ def sense(params: Array, i: int, position: float) -> float:
     """What the position sensor makes of the output shaft's angle, both [rad]."""
     if params[WAVE, i] != 0.0:
         angle = params[WAVE_PERIODS, i] * position + params[WAVE_PHASE, i]
-        position += params[WAVE, i] * math.sin(angle)
+        position += params[WAVE, i] * sine_cosine(angle)[0]
     return float(position + params[ZERO_OFFSET, i])
 
 
@@ -461,7 +471,7 @@ def drive(arrays: Arrays, position: Array, velocity: Array, step_s: float, subst
     dt = step_s / substeps
     for i in range(position.size):
         volts, conductance = bridge(arrays, i)
-        t = train(params, i, volts, conductance, falling(params, i))
+        t = train(params, i, volts, conductance, falling(params, i), is_raised(params, i))
         inertia = params[ROTOR_INERTIA, i]
         halt, push = inertia / dt, dt / inertia  # torque that stops a speed, speed that one makes
         outer, pace = position[i], velocity[i]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiling import compiled, inlined
+from .elementary import sine_cosine
 from .kernel import (
     BACKLASH,
     BENT,
@@ -38,7 +39,6 @@ from .kernel import (
     bridge,
     cable_torque,
     control_one,
-    falling,
     friction,
     friction_level,
     gear_torque,
@@ -158,7 +158,7 @@ def rigid_gear(params: Array, i: int) -> bool:
     return bool(math.isinf(params[GEAR_STIFFNESS, i]) and params[BACKLASH, i] == 0.0)
 
 
-@compiled
+@inlined
 def rollout(
     groups: Array,
     jobs: Jobs,
@@ -168,20 +168,24 @@ def rollout(
     last: int,
     at: Integers,
     out: Array,
+    rigid: bool,
+    slow: bool,
+    raised: bool,
 ) -> None:
     """Run the groups ``first`` to ``last - 1``, each job from its start, into ``out[job, sample]``.
 
     ``groups`` (groups, ROWS, LANES): a lane is a job with a supply of its own. The rotor's inertia
-    and a rigid gear (infinite stiffness) make one mass with the load. The gears of a group are all
-    rigid or none is; so it is with friction that falls with velocity. ``at`` (PLACES, LANES) is
+    and a rigid gear (infinite stiffness) make one mass with the load. The gears are all rigid or
+    none is; so it is with friction that falls with velocity (``slow``), and
+    with whether that is ``raised`` to another power than 1. ``at`` (PLACES, LANES) is
     written on. What a job gives depends on the job alone.
     """
     for g in range(first, last):
         live = begin(groups[g], jobs, jobs.number[g], tick_s, substeps, at)
-        roll(groups[g], jobs, jobs.number[g], live, tick_s, substeps, at, out)
+        roll(groups[g], jobs, jobs.number[g], live, tick_s, substeps, at, out, rigid, slow, raised)
 
 
-@compiled
+@inlined
 def begin(
     group: Array, jobs: Jobs, number: Integers, tick_s: float, substeps: int, at: Integers
 ) -> int:
@@ -215,7 +219,7 @@ def begin(
     return live
 
 
-@compiled
+@inlined
 def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors of
     group: Array,
     jobs: Jobs,
@@ -225,6 +229,9 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
     substeps: int,
     at: Integers,
     out: Array,
+    rigid: bool,
+    slow: bool,
+    raised: bool,
 ) -> None:
     """Roll out one group, whose first ``live`` lanes have a job.
 
@@ -235,7 +242,6 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
         return  # never, but the compiler knows the shape from here on
     arrays, loads, lanes = drives(group), group[OF_LOADS:OF_LANES], group[OF_LANES:]
     params, states = arrays.params, arrays.states
-    rigid, slow = rigid_gear(params, 0), falling(params, 0)
     dt = tick_s / substeps
     tick = 0
     while live > 0:
@@ -247,7 +253,8 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
                 weigh(jobs, number[k], k, now, lanes)
             shaft = loads[SHAFT_POSITION, k]
             lanes[TICK_SENSED, k] = sense(params, k, shaft)
-            lanes[TICK_COSINE, k], lanes[TICK_SINE, k] = math.cos(shaft), math.sin(shaft)
+        for k in range(at.shape[1]):  # LANES; told so, the compiler would write out all sixteen
+            lanes[TICK_SINE, k], lanes[TICK_COSINE, k] = sine_cosine(loads[SHAFT_POSITION, k])
         for k in range(LANES):
             hang(params, loads, k, lanes)
             control_one(arrays, k, lanes[TICK_SENSED, k], lanes[TICK_VELOCITY, k], tick_s)
@@ -260,13 +267,11 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
         for k in range(LANES):
             lanes[VOLTS, k], lanes[CONDUCTANCE, k] = bridge(arrays, k)
             lanes[CURRENT_SUM, k], lanes[SQUARE_SUM, k] = 0.0, 0.0
-        # the same each time; told what does not change, the compiler makes vectors of the last two
-        if slow or live < FEW:
-            turn(arrays, loads, lanes, live, dt, substeps, rigid, slow)
-        elif rigid:
-            turn(arrays, loads, lanes, LANES, dt, substeps, True, False)
+        # the same each time; told what does not change, the compiler makes vectors of the second
+        if raised or live < FEW:
+            turn(arrays, loads, lanes, live, dt, substeps, rigid, slow, raised)
         else:
-            turn(arrays, loads, lanes, LANES, dt, substeps, False, False)
+            turn(arrays, loads, lanes, LANES, dt, substeps, rigid, slow, False)
         for k in range(LANES):
             states[CURRENT, k] = lanes[CURRENT_SUM, k] / substeps
             power = winding_resistance(arrays, k) * lanes[SQUARE_SUM, k] / substeps
@@ -277,6 +282,82 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
         tick += 1
         while live > 0 and at[TICKS, live - 1] <= tick:
             live -= 1
+
+
+@compiled
+def rollout_rigid(
+    groups: Array,
+    jobs: Jobs,
+    tick_s: float,
+    substeps: int,
+    first: int,
+    last: int,
+    at: Integers,
+    out: Array,
+) -> None:
+    """:func:`rollout` of rigid gears."""
+    rollout(groups, jobs, tick_s, substeps, first, last, at, out, True, False, False)
+
+
+@compiled
+def rollout_sprung(
+    groups: Array,
+    jobs: Jobs,
+    tick_s: float,
+    substeps: int,
+    first: int,
+    last: int,
+    at: Integers,
+    out: Array,
+) -> None:
+    """:func:`rollout` of gears that give."""
+    rollout(groups, jobs, tick_s, substeps, first, last, at, out, False, False, False)
+
+
+@compiled
+def rollout_rigid_slow(
+    groups: Array,
+    jobs: Jobs,
+    tick_s: float,
+    substeps: int,
+    first: int,
+    last: int,
+    at: Integers,
+    out: Array,
+) -> None:
+    """:func:`rollout` of rigid gears with friction that falls with velocity."""
+    rollout(groups, jobs, tick_s, substeps, first, last, at, out, True, True, False)
+
+
+@compiled
+def rollout_sprung_slow(
+    groups: Array,
+    jobs: Jobs,
+    tick_s: float,
+    substeps: int,
+    first: int,
+    last: int,
+    at: Integers,
+    out: Array,
+) -> None:
+    """:func:`rollout` of gears that give, with friction that falls with velocity."""
+    rollout(groups, jobs, tick_s, substeps, first, last, at, out, False, True, False)
+
+
+@compiled
+def rollout_raised(
+    groups: Array,
+    jobs: Jobs,
+    tick_s: float,
+    substeps: int,
+    first: int,
+    last: int,
+    at: Integers,
+    out: Array,
+) -> None:
+    """:func:`rollout` of friction that falls with any power of the velocity, job by job."""
+    rigid = rigid_gear(groups[first], 0)
+    rollout(groups, jobs, tick_s, substeps, first, last, at, out, rigid, True, True)
 
 
 @inlined
@@ -333,12 +414,13 @@ def turn(
     substeps: int,
     rigid: bool,
     slow: bool,
+    raised: bool,
 ) -> None:
     """Move the rotors and shafts of the first ``count`` lanes by one tick."""
     params, states = arrays.params, arrays.states
     for _ in range(substeps):
         for k in range(count):
-            t = train(params, k, lanes[VOLTS, k], lanes[CONDUCTANCE, k], slow)
+            t = train(params, k, lanes[VOLTS, k], lanes[CONDUCTANCE, k], slow, raised)
             angle, speed = states[ROTOR_POSITION, k], states[ROTOR_VELOCITY, k]
             shaft, pace = loads[SHAFT_POSITION, k], loads[SHAFT_VELOCITY, k]
             outer = lanes[PULL, k] + lanes[SLOPE, k] * (shaft - lanes[TICK_POSITION, k])

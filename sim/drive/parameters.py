@@ -67,7 +67,9 @@ class Friction:
         params = np.zeros((kernel.PARAMS, 1))
         for name, field in _FRICTION_FIELDS.items():
             params[field] = getattr(self, name)
-        train = kernel.train(params, 0, 0.0, 0.0, kernel.falling(params, 0))
+        train = kernel.train(
+            params, 0, 0.0, 0.0, kernel.falling(params, 0), kernel.is_raised(params, 0)
+        )
         return float(kernel.friction_level(train, velocity_rad_s, motor_nm, external_nm))
 
 
