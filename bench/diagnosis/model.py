@@ -30,6 +30,7 @@ from sim.rollout import Batch, Candidate, Load
 
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
+from .left import Left, good
 from .noise import Block
 from .nuisances import GEAR_LEVELS, PUNCH, nuisances
 from .observed import Channel, Observed
@@ -37,18 +38,11 @@ from .posture import arm_load
 
 Floats = NDArray[np.float64]
 
-RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
-#: over which voltages are averaged: a register is measured now and then, and shows that until the
-#: next time; nobody documents when, and a current's step at another instant than it was looks like
-#: noise; assumed
-WINDOW_S = 0.05
 REMEMBERED = 500  #: candidates; a fit turns the nuisances of few
 LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again for one it has tried
-WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
 TURNING = frozenset({"gain", "read_skew", PUNCH})
 GEARS = frozenset({"backlash", "joint_compliance"})  #: which are about a gear that is a spring
-INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 
 
 class Kind(enum.Enum):
@@ -131,9 +125,9 @@ class JointModel:
             for key, o in zip(self._conditions, observed, strict=True)
         }
         self._sensed = [
-            np.interp(o.replay.samples, o.position.t_s[o.position.good], _good(o)) for o in observed
+            np.interp(o.replay.samples, o.position.t_s[o.position.good], good(o)) for o in observed
         ]
-        self._speed = [_speed(o) for o in observed]
+        self._left = [Left(o, renewed=bool(load_refresh_s)) for o in observed]
         self._controllers = {
             n for n, e in catalogue().items() if e.enters == "controller"
         } | TURNING
@@ -197,8 +191,7 @@ class JointModel:
 
     def _with_effects(self, hypothesis: Hypothesis, z: Floats, r: int) -> Candidate:
         """Without nuisances: the same for many vectors, so the latest are remembered."""
-        arm = None if self.observed[r].posture_rad is None else r
-        key = (hypothesis.knobs, z.tobytes(), self._conditions[r], arm)
+        key = (hypothesis.knobs, z.tobytes(), self._conditions[r], self._arm(r))
         if key not in self._made:
             robot = with_effects(self._bases[self._conditions[r]], hypothesis.knobs, z.tolist())
             load = self._load(robot, r)
@@ -253,28 +246,47 @@ class JointModel:
         which: list[int],
         kinds: Sequence[Kind],
     ) -> list[Blocks]:
-        candidates = [self.candidate(hypothesis, z, r) for z in vectors for r in which]
+        candidates = [c for z in vectors for c in self._candidates(hypothesis, z, which)]
         replays = which * len(vectors)
         outs = self._run(candidates, replays)
         duties: list[Floats] = []
         if Kind.DUTY in kinds:
             duties = self._batch.regulate(candidates, replays, [self._sensed[r] for r in replays])
-        result = []
-        for v in range(len(vectors)):
-            blocks: Blocks = {}
-            for k, r in enumerate(which):
-                j = v * len(which) + k
-                self._blocks(
-                    blocks, r, outs[j], duties[j] if duties else None, candidates[j], kinds
-                )
-            result.append(blocks)
+        result: list[Blocks] = [{} for _ in vectors]
+        for k, r in enumerate(which):
+            these = range(k, len(candidates), len(which))
+            out = np.stack([outs[j] for j in these])
+            duty = np.stack([duties[j] for j in these]) if duties else None
+            source = np.array([candidates[j].source_ohm for j in these])
+            voltage = np.array([candidates[j].voltage_v for j in these])
+            for kind in kinds:
+                blocks = self._left[r].blocks(kind.channel, out, duty, source, voltage)
+                for found, block in zip(result, blocks, strict=bool(blocks)):
+                    found[r, kind] = block
         return result
+
+    def _candidates(
+        self, hypothesis: Hypothesis, z: Floats, which: Sequence[int]
+    ) -> list[Candidate]:
+        """What a vector makes of the joint in some recordings: the same in those that are alike."""
+        made: dict[object, Candidate] = {}
+        result = []
+        for r in which:
+            alike = self._conditions[r], self._arm(r)
+            if alike not in made:
+                made[alike] = self.candidate(hypothesis, z, r)
+            result.append(made[alike])
+        return result
+
+    def _arm(self, r: int) -> int | None:
+        """The recording itself, if other joints moved in it: then gravity is its own."""
+        return None if self.observed[r].posture_rad is None else r
 
     def _run(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> list[Floats]:
         """Rollouts, under the recorded supply where there is one."""
         self.rollouts += len(candidates)
         stiff = [
-            replace(c, source_ohm=0.0) if self.recorded_supply[r] else c
+            replace(c, source_ohm=0.0) if self.recorded_supply[r] and c.source_ohm else c
             for c, r in zip(candidates, replays, strict=True)
         ]
         return list(self._batch.run(stiff, replays))
@@ -288,59 +300,10 @@ class JointModel:
         """The duty that firmware made of the recorded angles, every so many seconds from 0 on."""
         replay, position = self.observed[r].replay, self.observed[r].position
         t_s: Floats = np.arange(0.0, replay.end_s + every_s, every_s)
-        angles = np.interp(t_s, position.t_s[position.good], _good(self.observed[r]))
+        angles = np.interp(t_s, position.t_s[position.good], good(self.observed[r]))
         batch = Batch([replace(replay, samples=t_s)], threads=1)
         duty: Floats = batch.regulate([self.candidate(found, z, r)], [0], [angles])[0]
         return duty
-
-    def _blocks(
-        self,
-        blocks: Blocks,
-        r: int,
-        out: Floats,
-        duty: Floats | None,
-        candidate: Candidate,
-        kinds: Sequence[Kind],
-    ) -> None:
-        observed = self.observed[r]
-        speed = self._speed[r]
-        for kind in kinds:
-            samples = observed.channels.get(kind.channel)
-            if samples is None:
-                continue
-            keep, at = samples.good, samples.index
-            if kind is Kind.POSITION:
-                modelled = out[at, lanes.OUT_POSITION]
-                extra = (speed[at] * INSTANT_S) ** 2
-            elif kind is Kind.DUTY:
-                assert duty is not None
-                modelled, aged = duty[at], 0.0
-                if self._load_refresh_s:
-                    # a new value was made at some time since the read before
-                    keep = keep & np.concatenate([[False], np.diff(samples.value) != 0.0])
-                    earlier = np.concatenate([modelled[:1], modelled[:-1]])
-                    modelled, aged = 0.5 * (modelled + earlier), (modelled - earlier) ** 2 / 12.0
-                gain = np.abs(out[:, lanes.OUT_DUTY]) < 1.0
-                slope = self._gain(r) * gain[at]
-                extra = (slope * speed[at] * 4.0 * INSTANT_S) ** 2
-                extra += (slope * observed.position.quantum) ** 2 / 6.0 + aged
-            else:
-                drawn = out[at, lanes.OUT_DUTY] * out[at, lanes.OUT_CURRENT]
-                drop = candidate.source_ohm * drawn
-                modelled = candidate.voltage_v - drop
-                pace = np.gradient(drop, samples.t_s) if len(drop) > 1 else np.zeros(len(at))
-                extra = (pace * RAIL_S) ** 2
-            value = samples.value - modelled
-            if keep.sum() >= 5:
-                value = np.clip(value[keep], -WILD, WILD)
-                value[np.isnan(value)] = WILD
-                extra = np.nan_to_num(extra[keep], nan=0.0, posinf=0.0)
-                block = Block(samples.t_s[keep], value, extra)
-                blocks[r, kind] = block if kind is not Kind.VOLTAGE else averaged(block, WINDOW_S)
-
-    def _gain(self, r: int) -> float:
-        start = self.observed[r].replay.start
-        return float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
 
     def floors(self) -> Mapping[Kind, float]:
         """The least white deviation of every kind that was observed: its register's rounding."""
@@ -373,28 +336,3 @@ def believed_refresh_s(robot: Robot, joint: str) -> float:
     """The period in which a servo's load register is renewed by its file [s], 0 where always."""
     table = robot.tables[robot.by_joint[joint].servo_id]
     return float(table.drive.get("load_refresh_s", 0.0))
-
-
-def averaged(block: Block, window_s: float) -> Block:
-    """Means over windows of time; what is sampled less often stays as it is."""
-    window = np.floor((block.t_s - block.t_s[0]) / window_s)
-    first = np.flatnonzero(np.diff(window, prepend=-1.0))
-    count = np.diff(np.append(first, len(window)))
-    sums = (np.add.reduceat(x, first) for x in (block.t_s, block.value, block.extra))
-    return Block(*(x / count for x in sums))
-
-
-def _good(observed: Observed) -> Floats:
-    samples = observed.position
-    return samples.value[samples.good]
-
-
-def _speed(observed: Observed) -> Floats:
-    """Speed of the joint at every sample of the replay [rad/s], from smoothed positions."""
-    samples = observed.position
-    t, q = samples.t_s[samples.good], _good(observed)
-    span = max(3, round(0.02 / max(1e-4, float(np.median(np.diff(t))))) | 1)
-    weights = np.ones(span) / span
-    smooth = np.convolve(np.pad(q, span // 2, mode="edge"), weights, mode="valid")
-    speed: Floats = np.abs(np.interp(observed.replay.samples, t, np.gradient(smooth, t)))
-    return speed

@@ -21,8 +21,8 @@ from bench.diagnosis.fit import (
 )
 from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import INSTANT_S, LATEST, WILD, Hypothesis, JointModel, Kind, averaged
-from bench.diagnosis.noise import Block
+from bench.diagnosis.left import INSTANT_S, WILD, averaged
+from bench.diagnosis.model import LATEST, Hypothesis, JointModel, Kind
 from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.search import NEEDED, confirm
 from sim.effects import effect
@@ -84,13 +84,13 @@ def test_a_sag_is_seen_in_a_voltage_that_is_measured_now_and_then():
 
 
 def test_voltages_are_means_over_windows_and_rare_ones_stay():
-    often = Block(np.array([0.0, 0.01, 0.02, 0.06]), np.array([1.0, 2.0, 3.0, 7.0]), np.ones(4))
-    mean = averaged(often, 0.05)
-    assert mean.t_s == pytest.approx([0.01, 0.06])
-    assert mean.value == pytest.approx([2.0, 7.0])
-    assert mean.extra == pytest.approx([1.0, 1.0])
-    rare = Block(np.arange(4.0), np.arange(4.0) ** 2, np.zeros(4))
-    assert averaged(rare, 0.05).value == pytest.approx(rare.value)
+    often = np.array([1.0, 2.0, 3.0, 7.0])
+    t_s, value, extra = averaged(np.array([0.0, 0.01, 0.02, 0.06]), often, np.ones(4), 0.05)
+    assert t_s == pytest.approx([0.01, 0.06])
+    assert value == pytest.approx([2.0, 7.0])
+    assert extra == pytest.approx([1.0, 1.0])
+    rare = np.arange(4.0) ** 2
+    assert averaged(np.arange(4.0), rare, np.zeros(4), 0.05)[1] == pytest.approx(rare)
 
 
 def test_residuals_are_recorded_less_modelled():
@@ -182,7 +182,7 @@ def test_glitches_are_no_residuals():
     bad = position.good.copy()
     bad[[50, 120]] = False
     channels = dict(one.channels) | {Kind.POSITION.channel: replace(position, good=bad)}
-    model.observed = (replace(one, channels=channels),)
+    model = model.of((replace(one, channels=channels),))
     assert len(blocks_of(model)[0, Kind.POSITION].value) == len(position.value) - 2
 
 

@@ -1,0 +1,125 @@
+"""What rollouts leave of one recording: recorded less modelled, and how sure that is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.drive import kernel, lanes
+
+from .noise import Block
+from .observed import Channel, Observed, Samples
+
+Floats = NDArray[np.float64]
+
+RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
+#: over which voltages are averaged: a register is measured now and then, and shows that until the
+#: next time; nobody documents when, and a current's step at another instant than it was looks like
+#: noise; assumed
+WINDOW_S = 0.05
+WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
+INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
+FEWEST = 5  #: samples that are a block
+
+
+class Left:
+    """A recording, beside which rollouts of it are laid, several at once.
+
+    ``renewed`` says whether the register of the duty is made anew in a period of its own.
+    """
+
+    def __init__(self, observed: Observed, *, renewed: bool) -> None:
+        self._observed, self._renewed = observed, renewed
+        self._speed = speed(observed)
+        start = observed.replay.start
+        self._gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
+
+    def blocks(
+        self,
+        channel: Channel,
+        outs: Floats,
+        duties: Floats | None,
+        source_ohm: Floats,
+        voltage_v: Floats,
+    ) -> list[Block]:
+        """A block for every rollout; none where the channel was not recorded, or hardly.
+
+        ``outs`` (rollouts, samples, CHANNELS) and ``duties`` (rollouts, samples) are of the
+        replay's samples, the latter what a controller makes of the recorded angles; ``source_ohm``
+        and ``voltage_v`` (rollouts,) are the supply's.
+        """
+        samples = self._observed.channels.get(channel)
+        if samples is None:
+            return []
+        keep = samples.good
+        if channel is Channel.DUTY and self._renewed:
+            # a new value was made at some time since the read before
+            keep = keep & np.concatenate([[False], np.diff(samples.value) != 0.0])
+        if keep.sum() < FEWEST:
+            return []
+        at = samples.index
+        if channel is Channel.POSITION:
+            modelled = outs[:, at, lanes.OUT_POSITION]
+            extra = np.broadcast_to((self._speed[at] * INSTANT_S) ** 2, modelled.shape)
+        elif channel is Channel.DUTY:
+            assert duties is not None
+            modelled, extra = self._duty(at, outs[:, at, lanes.OUT_DUTY], duties[:, at])
+        else:
+            current = outs[:, at, lanes.OUT_DUTY] * outs[:, at, lanes.OUT_CURRENT]
+            modelled, extra = _voltage(samples, current, source_ohm, voltage_v)
+        value = np.clip((samples.value - modelled)[:, keep], -WILD, WILD)
+        value[np.isnan(value)] = WILD
+        extra = np.nan_to_num(extra[:, keep], nan=0.0, posinf=0.0)
+        t_s = samples.t_s[keep]
+        if channel is Channel.VOLTAGE:
+            t_s, value, extra = averaged(t_s, value, extra, WINDOW_S)
+        return [Block(t_s, *row) for row in zip(value, extra, strict=True)]
+
+    def _duty(self, at: NDArray[np.int64], moved: Floats, duty: Floats) -> tuple[Floats, Floats]:
+        modelled, aged = duty, np.zeros_like(duty)
+        if self._renewed:
+            earlier = np.concatenate([modelled[:, :1], modelled[:, :-1]], axis=1)
+            modelled, aged = 0.5 * (modelled + earlier), (modelled - earlier) ** 2 / 12.0
+        slope = self._gain * (np.abs(moved) < 1.0)
+        extra = (slope * self._speed[at] * 4.0 * INSTANT_S) ** 2
+        extra += (slope * self._observed.position.quantum) ** 2 / 6.0 + aged
+        return modelled, extra
+
+
+def _voltage(
+    samples: Samples, current: Floats, source_ohm: Floats, voltage_v: Floats
+) -> tuple[Floats, Floats]:
+    drop = source_ohm[:, None] * current
+    if len(samples.t_s) > 1 and source_ohm.any():
+        pace = np.gradient(drop, samples.t_s, axis=1)
+    else:
+        pace = np.zeros_like(drop)
+    return voltage_v[:, None] - drop, (pace * RAIL_S) ** 2
+
+
+def averaged(
+    t_s: Floats, value: Floats, extra: Floats, window_s: float
+) -> tuple[Floats, Floats, Floats]:
+    """Means over windows of time of rows (rows, n); what is sampled less often stays as it is."""
+    window = np.floor((t_s - t_s[0]) / window_s)
+    first = np.flatnonzero(np.diff(window, prepend=-1.0))
+    count = np.diff(np.append(first, len(window)))
+    t_s, value, extra = (np.add.reduceat(x, first, axis=-1) / count for x in (t_s, value, extra))
+    return t_s, value, extra
+
+
+def good(observed: Observed) -> Floats:
+    """The recorded angles that are to be believed [rad]."""
+    samples = observed.position
+    return samples.value[samples.good]
+
+
+def speed(observed: Observed) -> Floats:
+    """Speed of the joint at every sample of the replay [rad/s], from smoothed positions."""
+    samples = observed.position
+    t, q = samples.t_s[samples.good], good(observed)
+    span = max(3, round(0.02 / max(1e-4, float(np.median(np.diff(t))))) | 1)
+    weights = np.ones(span) / span
+    smooth = np.convolve(np.pad(q, span // 2, mode="edge"), weights, mode="valid")
+    found: Floats = np.abs(np.interp(observed.replay.samples, t, np.gradient(smooth, t)))
+    return found
