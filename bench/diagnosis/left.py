@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,20 +21,24 @@ RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 WINDOW_S = 0.05
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
+DUTY_S = 0.002  #: the same of a duty, which is made of angles sampled, too
 FEWEST = 5  #: samples that are a block
 
 
 class Left:
     """A recording, beside which rollouts of it are laid, several at once.
 
-    ``renewed`` says whether the register of the duty is made anew in a period of its own.
+    ``renewed`` says whether the register of the duty is made anew in a period of its own, nobody
+    knows when; ``made_s`` how sure its instants are [s].
     """
 
-    def __init__(self, observed: Observed, *, renewed: bool) -> None:
+    def __init__(self, observed: Observed, *, renewed: bool, made_s: float = 0.0) -> None:
         self._observed, self._renewed = observed, renewed
+        self._made_s = math.hypot(DUTY_S, made_s)
         self._speed = speed(observed)
         start = observed.replay.start
         self._gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
+        self._jump = _jump(observed, renewed=renewed, made_s=made_s)
 
     def blocks(
         self,
@@ -81,9 +87,26 @@ class Left:
             earlier = np.concatenate([modelled[:, :1], modelled[:, :-1]], axis=1)
             modelled, aged = 0.5 * (modelled + earlier), (modelled - earlier) ** 2 / 12.0
         slope = self._gain * (np.abs(moved) < 1.0)
-        extra = (slope * self._speed[at] * 4.0 * INSTANT_S) ** 2
+        extra = (slope * self._speed[at] * self._made_s) ** 2
         extra += (slope * self._observed.position.quantum) ** 2 / 6.0 + aged
+        extra += (slope * self._jump) ** 2 / 12.0
         return modelled, extra
+
+
+def _jump(observed: Observed, *, renewed: bool, made_s: float) -> Floats:
+    """By how much goals change while a duty may have been made [rad], of every sample of it."""
+    samples = observed.channels.get(Channel.DUTY)
+    if samples is None or not (renewed or made_s):
+        return np.zeros(1)
+    first, last = samples.t_s - made_s, samples.t_s + made_s
+    if renewed:
+        first = np.concatenate([samples.t_s[:1], samples.t_s[:-1]])
+    times, goals = observed.goal
+    now, before = (
+        goals[np.maximum(np.searchsorted(times, t, "right") - 1, 0)] for t in (last, first)
+    )
+    jump: Floats = np.abs(now - before)
+    return jump
 
 
 def _voltage(

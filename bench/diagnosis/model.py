@@ -28,6 +28,7 @@ from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
+from .instants import located
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
 from .left import Left, good
@@ -113,7 +114,6 @@ class JointModel:
         lost = base.joints[self.index].drive.lost_at_stall
         self.nuisances = nuisances(drive, body, _lever_m(base, joint), law, lost)
         self._punched = any(has_punch(o.replay.start, *o.replay.events.T[1:]) for o in observed)
-        self._batch = Batch([o.replay for o in observed])
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]
         if load_refresh_s is None:
@@ -124,10 +124,17 @@ class JointModel:
             key: under(base, dict(o.condition))
             for key, o in zip(self._conditions, observed, strict=True)
         }
+        told_at = [located(o, load_refresh_s) for o in observed]
+        self._shown = [one for one, _ in told_at]  #: with duties at the instants they were made
+        self._batch = Batch([o.replay for o in self._shown])
         self._sensed = [
-            np.interp(o.replay.samples, o.position.t_s[o.position.good], good(o)) for o in observed
+            np.interp(o.replay.samples, o.position.t_s[o.position.good], good(o))
+            for o in self._shown
         ]
-        self._left = [Left(o, renewed=bool(load_refresh_s)) for o in observed]
+        self._left = [
+            Left(o, renewed=bool(load_refresh_s) and off is None, made_s=off or 0.0)
+            for o, off in told_at
+        ]
         self._controllers = {
             n for n, e in catalogue().items() if e.enters == "controller"
         } | TURNING
@@ -294,7 +301,7 @@ class JointModel:
     def duty(self, hypothesis: Hypothesis, z: Floats, r: int) -> tuple[Floats, Floats]:
         """Times [s] and sizes of the duty that a vector makes of one recording."""
         (out,) = self._run([self.candidate(hypothesis, z, r)], [r])
-        return self.observed[r].replay.samples, np.abs(out[:, lanes.OUT_DUTY])
+        return self._shown[r].replay.samples, np.abs(out[:, lanes.OUT_DUTY])
 
     def law(self, found: Hypothesis, z: Floats, r: int, every_s: float) -> Floats:
         """The duty that firmware made of the recorded angles, every so many seconds from 0 on."""

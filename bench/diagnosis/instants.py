@@ -1,0 +1,80 @@
+"""When a register that is renewed in a period of its own was made, from when it was seen changed.
+
+A value is made between the read that first shows it and the one before. All are made a whole number
+of periods apart, so that few of these spans leave little room for the rest. Goals arrive and reads
+are made in step with that period, often: then a span of some milliseconds in the same place each
+time is no noise but looks like a delay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .observed import Channel, Observed
+
+Floats = NDArray[np.float64]
+
+FEWEST = 10  #: changes that are needed
+FITTING = 0.9  #: share of the spans that must hold a multiple of the period
+SPREAD = 0.03  #: by how much a period may be off; that of the AX-12A is a measured one
+FINE_S = 0.0005  #: by how much two periods that are tried differ at a recording's end
+
+
+def located(observed: Observed, period_s: float) -> tuple[Observed, float | None]:
+    """A recording with the duty's values at the instants they were made, and how sure that is [s].
+
+    The recording as it is, and ``None``, where no such period is seen.
+    """
+    samples = observed.channels.get(Channel.DUTY)
+    if samples is None or not period_s:
+        return observed, None
+    new = 1 + np.flatnonzero(np.diff(samples.value) != 0.0)
+    spans = samples.t_s[new - 1], samples.t_s[new]
+    if len(new) < FEWEST or float(np.median(spans[1] - spans[0])) >= period_s / 2.0:
+        return observed, None
+    every_s, phase_s, off_s, share = lattice(*spans, period_s)
+    if share < FITTING:
+        return observed, None
+    made_s = phase_s + every_s * np.ceil((spans[0] - phase_s) / every_s - 1e-9)
+    told = made_s <= spans[1] + 1e-9
+    new, made_s = new[told], made_s[told]
+    moments = np.union1d(observed.replay.samples, made_s)
+    channels = {
+        channel: replace(one, index=np.searchsorted(moments, one.t_s))
+        for channel, one in observed.channels.items()
+    }
+    channels[Channel.DUTY] = replace(
+        samples,
+        t_s=made_s,
+        value=samples.value[new],
+        index=np.searchsorted(moments, made_s),
+        good=samples.good[new],
+    )
+    replay = replace(observed.replay, samples=moments)
+    return replace(observed, replay=replay, channels=channels), off_s
+
+
+def lattice(first_s: Floats, last_s: Floats, period_s: float) -> tuple[float, float, float, float]:
+    """Period and phase [s] that most spans hold a multiple of, how sure that is, and their share.
+
+    Of those that are as good the one with the most room, which is in the middle of it.
+    """
+    turns = max(float(last_s[-1] - first_s[0]) / period_s, 1.0)
+    count = 2 * int(np.ceil(SPREAD * period_s * turns / FINE_S)) + 1
+    periods = period_s * (1.0 + np.linspace(-SPREAD, SPREAD, count))[:, None]
+    begin = first_s % periods
+    end = begin + np.minimum(last_s - first_s, periods)
+    # spans on a circle, written out over two turns; what holds is counted at every edge
+    edges = np.concatenate([begin, begin + periods, end, end + periods], axis=1)
+    opens = np.concatenate([np.ones(2 * len(first_s)), -np.ones(2 * len(first_s))])
+    order = np.argsort(edges, axis=1, kind="stable")
+    held = np.cumsum(opens[order], axis=1)
+    edges = np.take_along_axis(edges, order, axis=1)
+    room = np.diff(edges, axis=1) * (held[:, :-1] == held.max())
+    row, place = np.unravel_index(int(np.argmax(room)), room.shape)
+    half = 0.5 * float(room[row, place])
+    every = float(periods[row, 0])
+    return every, float(edges[row, place] + half) % every, half, float(held.max() / len(first_s))
