@@ -68,6 +68,16 @@ def test_values_are_put_where_they_were_made():
     assert position.value is one.channels[Channel.POSITION].value
 
 
+def test_a_law_leaves_less_of_values_that_are_where_they_were_made():
+    one, _ = held(*seen("fast"), period_s=0.1304)  # out of step, so that no span is wide
+    left = []
+    for period_s in (PERIOD_S, 1.0):
+        model = JointModel(read_model(robot()), robot(), [one], load_refresh_s=period_s)
+        (blocks,) = model.residuals(Hypothesis(), [np.zeros(len(model.nuisances))])
+        left.append(np.sqrt(np.mean(blocks[0, Kind.DUTY].value ** 2)))
+    assert left[0] < 0.5 * left[1]
+
+
 def test_a_register_without_a_period_stays_as_it_is():
     (one,) = seen("fast")
     assert located(one, PERIOD_S) == (one, None)
