@@ -66,7 +66,7 @@ def _without_voltage(one: Observed) -> Observed:
     replay = replace(one.replay, events=events[events[:, 1] < lanes.SUPPLY_EVENT])
     channels: dict[Channel, Samples] = dict(one.channels)
     del channels[Channel.VOLTAGE]
-    return replace(one, replay=replay, channels=channels)
+    return replace(one, replay=replay, channels=channels, supplied=False)
 
 
 def _resistance(model: JointModel, found: Fit) -> tuple[float, float]:

@@ -8,6 +8,7 @@ time is no noise but looks like a delay.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,15 +21,52 @@ Floats = NDArray[np.float64]
 FEWEST = 10  #: changes that are needed
 FITTING = 0.9  #: share of the spans that must hold a multiple of the period
 SPREAD = 0.03  #: by how much a period may be off; that of the AX-12A is a measured one
+LEAST = 30  #: changes of the register that are needed
+SELDOM = 0.2  #: of the gaps between changes may be shorter than the period
+LONGER = 2.5  #: samples that a period must last: else each may well be new
+UNLIKE = 1.3  #: times the believed period at which it is another
+STEADY = 0.8  #: of the gaps that must be whole periods, within a sample or two
+SAMPLES_OFF = 1.6
+MOST_PERIODS = 4  #: without a change that still count
 FINE_S = 0.0005  #: by how much two periods that are tried differ at a recording's end
 
 
-def located(observed: Observed, period_s: float) -> tuple[Observed, float | None]:
-    """A recording with the duty's values at the instants they were made, and how sure that is [s].
+def own_period(
+    observed: Sequence[Observed], channel: Channel, believed_s: float = 0.0
+) -> tuple[float, float, int] | None:
+    """Period in which a register changes, time between reads [s], and how many gaps show it."""
+    gaps, steps = [], []
+    for one in observed:
+        samples = one.channels.get(channel)
+        if samples is None or len(samples.t_s) < 3:
+            continue
+        changed = np.flatnonzero(np.diff(samples.value) != 0.0)
+        gaps += np.diff(samples.t_s[changed + 1]).tolist()
+        steps.append(float(np.median(np.diff(samples.t_s))))
+    if len(gaps) < LEAST:
+        return None
+    step, every = max(steps), np.array(gaps)
+    shortest = float(np.quantile(every, SELDOM))
+    if shortest < max(LONGER * step, UNLIKE * believed_s):
+        return None
+    turns = np.maximum(1.0, np.round(every / shortest))
+    few = turns <= MOST_PERIODS
+    period = float(every[few].sum() / turns[few].sum())
+    turns = np.maximum(1.0, np.round(every / period))
+    off = np.abs(every - turns * period)
+    if few.sum() < LEAST or np.mean(off[few] <= SAMPLES_OFF * step) < STEADY:
+        return None
+    return period, step, int(few.sum())
+
+
+def located(
+    observed: Observed, channel: Channel, period_s: float | None
+) -> tuple[Observed, float | None]:
+    """A recording with a channel's values at the instants they were made, and how sure that is [s].
 
     The recording as it is, and ``None``, where no such period is seen.
     """
-    samples = observed.channels.get(Channel.DUTY)
+    samples = observed.channels.get(channel)
     if samples is None or not period_s:
         return observed, None
     new = 1 + np.flatnonzero(np.diff(samples.value) != 0.0)
@@ -43,10 +81,10 @@ def located(observed: Observed, period_s: float) -> tuple[Observed, float | None
     new, made_s = new[told], made_s[told]
     moments = np.union1d(observed.replay.samples, made_s)
     channels = {
-        channel: replace(one, index=np.searchsorted(moments, one.t_s))
-        for channel, one in observed.channels.items()
+        other: replace(one, index=np.searchsorted(moments, one.t_s))
+        for other, one in observed.channels.items()
     }
-    channels[Channel.DUTY] = replace(
+    channels[channel] = replace(
         samples,
         t_s=made_s,
         value=samples.value[new],

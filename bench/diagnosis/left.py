@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.drive import kernel, lanes
 
 from .noise import Block
-from .observed import Channel, Observed, Samples
+from .observed import Channel, Observed, Samples, seldom_told
 
 Floats = NDArray[np.float64]
 
@@ -19,6 +19,9 @@ RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 #: next time; nobody documents when, and a current's step at another instant than it was looks like
 #: noise; assumed
 WINDOW_S = 0.05
+STALE_S = (
+    0.12  #: assumed: how old a voltage may be that is read now and then; what it was is not known
+)
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 DUTY_S = 0.002  #: the same of a duty, which is made of angles sampled, too
@@ -32,9 +35,17 @@ class Left:
     knows when; ``made_s`` how sure its instants are [s].
     """
 
-    def __init__(self, observed: Observed, *, renewed: bool, made_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        observed: Observed,
+        *,
+        renewed: bool,
+        made_s: float = 0.0,
+        rail_s: float | None = None,
+    ) -> None:
         self._observed, self._renewed = observed, renewed
         self._made_s = math.hypot(DUTY_S, made_s)
+        self._rail_s = rail_s
         self._speed = speed(observed)
         start = observed.replay.start
         self._gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
@@ -71,8 +82,9 @@ class Left:
             assert duties is not None
             modelled, extra = self._duty(at, outs[:, at, lanes.OUT_DUTY], duties[:, at])
         else:
-            current = outs[:, at, lanes.OUT_DUTY] * outs[:, at, lanes.OUT_CURRENT]
-            modelled, extra = _voltage(samples, current, source_ohm, voltage_v)
+            drawn = outs[:, :, lanes.OUT_DUTY] * outs[:, :, lanes.OUT_CURRENT]
+            drop, extra = self._drop(samples, source_ohm[:, None] * drawn)
+            modelled = voltage_v[:, None] - drop
         value = np.clip((samples.value - modelled)[:, keep], -WILD, WILD)
         value[np.isnan(value)] = WILD
         extra = np.nan_to_num(extra[:, keep], nan=0.0, posinf=0.0)
@@ -92,6 +104,28 @@ class Left:
         extra += (slope * self._jump) ** 2 / 12.0
         return modelled, extra
 
+    def _drop(self, samples: Samples, drop: Floats) -> tuple[Floats, Floats]:
+        """What a voltage register shows of a supply's drop, and the variance of that [V^2].
+
+        ``drop`` (rollouts, samples) is of the replay's samples.
+        """
+        at = samples.index
+        if not drop.any() or len(at) < 2:
+            return drop[:, at], np.zeros_like(drop[:, at])
+        if self._rail_s is not None or not seldom_told(samples):
+            t_s = self._observed.replay.samples if self._rail_s is not None else samples.t_s
+            late_s = math.hypot(RAIL_S, self._rail_s or 0.0)
+            shown = drop if self._rail_s is not None else drop[:, at]
+            spread = (np.gradient(shown, t_s, axis=1) * late_s) ** 2
+            return drop[:, at], spread[:, at] if self._rail_s is not None else spread
+        first = np.searchsorted(self._observed.replay.samples, samples.t_s - STALE_S)
+        count = at + 1 - first
+        mean, square = (
+            np.diff(np.stack([total[:, first], total[:, at + 1]]), axis=0)[0] / count
+            for total in (np.cumsum(np.pad(drop**n, ((0, 0), (1, 0))), axis=1) for n in (1, 2))
+        )
+        return mean, np.maximum(square - mean**2, 0.0)
+
 
 def _jump(observed: Observed, *, renewed: bool, made_s: float) -> Floats:
     """By how much goals change while a duty may have been made [rad], of every sample of it."""
@@ -107,17 +141,6 @@ def _jump(observed: Observed, *, renewed: bool, made_s: float) -> Floats:
     )
     jump: Floats = np.abs(now - before)
     return jump
-
-
-def _voltage(
-    samples: Samples, current: Floats, source_ohm: Floats, voltage_v: Floats
-) -> tuple[Floats, Floats]:
-    drop = source_ohm[:, None] * current
-    if len(samples.t_s) > 1 and source_ohm.any():
-        pace = np.gradient(drop, samples.t_s, axis=1)
-    else:
-        pace = np.zeros_like(drop)
-    return voltage_v[:, None] - drop, (pace * RAIL_S) ** 2
 
 
 def averaged(

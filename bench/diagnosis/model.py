@@ -3,7 +3,7 @@
 Residuals come in blocks, one a recording and kind, so that the path from a goal to a motion is
 judged in parts:
 
-* **position**: the whole path; where a voltage register was read, under the recorded voltage;
+* **position**: the whole path; where a voltage register was read often, under the recorded voltage;
 * **duty**: the duty or load register against the firmware's law along the *recorded* angles: the
   controller alone;
 * **voltage**: the voltage register against the supply of the hypothesis under the current it has.
@@ -28,7 +28,7 @@ from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
-from .instants import located
+from .instants import located, own_period
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
 from .left import Left, good
@@ -105,7 +105,7 @@ class JointModel:
         joint = observed[0].joint
         self.mount = robot.by_joint[joint]
         self.index = next(i for i, j in enumerate(base.joints) if j.name == joint)
-        self.recorded_supply = tuple(Channel.VOLTAGE in o.channels for o in observed)
+        self.recorded_supply = tuple(o.supplied for o in observed)
         told = Section(robot.path, "", robot.document)
         bodies = told.sections("body") if "body" in told else ()
         body = next((b for b in bodies if b.table.get("name") == joint), None)
@@ -124,16 +124,18 @@ class JointModel:
             key: under(base, dict(o.condition))
             for key, o in zip(self._conditions, observed, strict=True)
         }
-        told_at = [located(o, load_refresh_s) for o in observed]
-        self._shown = [one for one, _ in told_at]  #: with duties at the instants they were made
+        duties = [located(o, Channel.DUTY, load_refresh_s) for o in observed]
+        period_s = own_period(observed, Channel.VOLTAGE)
+        volts = [located(o, Channel.VOLTAGE, period_s and period_s[0]) for o, _ in duties]
+        self._shown = [one for one, _ in volts]  #: with registers at the instants they were made
         self._batch = Batch([o.replay for o in self._shown])
         self._sensed = [
             np.interp(o.replay.samples, o.position.t_s[o.position.good], good(o))
             for o in self._shown
         ]
         self._left = [
-            Left(o, renewed=bool(load_refresh_s) and off is None, made_s=off or 0.0)
-            for o, off in told_at
+            Left(one, renewed=bool(load_refresh_s) and at is None, made_s=at or 0.0, rail_s=rail)
+            for (one, rail), (_, at) in zip(volts, duties, strict=True)
         ]
         self._controllers = {
             n for n, e in catalogue().items() if e.enters == "controller"

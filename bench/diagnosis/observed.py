@@ -29,6 +29,10 @@ LEAST_SAMPLES = 20  #: below this a recording says nothing about a joint
 TURN_COUNTS = 4096  #: of an encoder that has no ends
 MOTION_QUANTA = 20.0  #: that goals must span to ask for a motion; assumed
 FIRST_SAMPLES, FIRST_S = 5, 0.01  #: that tell how fast a joint is at first, whichever is more
+#: between a voltage's values, beyond which currents come and go; of those that change at whole
+#: periods so many gaps are needed, and this quantile of them is the period
+SELDOM_S, LEAST_GAPS, SHORTEST = 0.05, 10, 0.2
+UNLOADED = 0.9  #: quantile of such voltages that is taken for that without load; assumed
 STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
 
 
@@ -74,6 +78,7 @@ class Observed:
     goal: tuple[Floats, Floats]  #: times [s] and goal positions [rad] as the controller got them
     registers: Mapping[str, int]  #: of the servo, as the metadata has them
     posture_rad: Floats | None = None  #: of all joints of an arm, (n, joints), over the replay
+    supplied: bool = False  #: whether the replay's supply is the voltage that was read
 
     @property
     def position(self) -> Samples:
@@ -86,7 +91,7 @@ class Observed:
         told: list[Any] = [self.name, self.group, self.joint]
         told.append(sorted(self.condition.items(), key=str))
         told += [replay.start, replay.events, replay.samples]
-        told += [replay.position_rad, replay.velocity_rad_s, self.posture_rad]
+        told += [replay.position_rad, replay.velocity_rad_s, self.posture_rad, self.supplied]
         for channel, samples in self.channels.items():
             told += [channel.word, samples.register, samples.t_s, samples.value, samples.good]
         return told
@@ -103,8 +108,9 @@ def observe(
     """What some recordings tell of one joint of a robot.
 
     Where a voltage register was read, the replay's supply is what it says (a channel of its own
-    then judges what made the voltage). Recordings with too few positions are left out. Raises
-    :class:`RecordingError` when none is left and one is ``needed``.
+    then judges what made the voltage); where that tells of it too seldom, what it says without
+    load. Recordings with too few positions are left out. Raises :class:`RecordingError` when none
+    is left and one is ``needed``.
     """
     found = []
     for recording in recordings:
@@ -179,9 +185,14 @@ def _observe(
             np.searchsorted(union, t - origin),
             good if channel is Channel.POSITION else lonely(value, step),
         )
+    supplied = False
     if supply_from_register and Channel.VOLTAGE in channels:
         volts = channels[Channel.VOLTAGE]
-        supply = supply_events(volts.t_s[volts.good], volts.value[volts.good])
+        t_s, value = volts.t_s[volts.good], volts.value[volts.good]
+        supplied = not seldom_told(volts)
+        if not supplied:
+            t_s, value = t_s[:1], np.quantile(value, [UNLOADED])
+        supply = supply_events(t_s, value)
         supply[0, 0] = 0.0
         events = np.concatenate([events, supply])
         events = events[np.argsort(events[:, 0], kind="stable")]
@@ -206,7 +217,16 @@ def _observe(
             .items()
         },
         posture_rad=recorded_posture(recording, robot, joint, origin, float(union[-1])),
+        supplied=supplied,
     )
+
+
+def seldom_told(volts: Samples) -> bool:
+    """Whether a voltage is read or renewed so seldom that a current comes and goes in between."""
+    if len(volts.t_s) < 2 or float(np.median(np.diff(volts.t_s))) > SELDOM_S:
+        return True
+    gaps = np.diff(volts.t_s[1:][np.diff(volts.value) != 0.0])
+    return len(gaps) >= LEAST_GAPS and float(np.quantile(gaps, SHORTEST)) > SELDOM_S
 
 
 def _first_velocity(t_s: Floats, angles: Floats, quantum: float) -> float:

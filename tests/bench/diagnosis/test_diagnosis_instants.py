@@ -57,7 +57,7 @@ def seen(*motions, truth=None):
 
 def test_values_are_put_where_they_were_made():
     one, made_s = held(*seen("fast"))
-    found, off_s = located(one, PERIOD_S)
+    found, off_s = located(one, Channel.DUTY, PERIOD_S)
     duty = found.channels[Channel.DUTY]
     nearest = made_s[np.argmin(np.abs(duty.t_s[:, None] - made_s), axis=1)]
     assert len(duty.t_s) > 30
@@ -80,13 +80,13 @@ def test_a_law_leaves_less_of_values_that_are_where_they_were_made():
 
 def test_a_register_without_a_period_stays_as_it_is():
     (one,) = seen("fast")
-    assert located(one, PERIOD_S) == (one, None)
+    assert located(one, Channel.DUTY, PERIOD_S) == (one, None)
 
 
 def test_a_register_that_is_new_at_every_read_is_not_looked_at():
     one, _ = held(*seen("fast"))
-    assert located(one, 0.0) == (one, None)
-    assert located(one, 0.015) == (one, None)
+    assert located(one, Channel.DUTY, 0.0) == (one, None)
+    assert located(one, Channel.DUTY, 0.015) == (one, None)
 
 
 def test_few_changes_say_nothing():
@@ -95,7 +95,7 @@ def test_few_changes_say_nothing():
     few = np.where(samples.t_s < PERIOD_S * (FEWEST - 3), samples.value, samples.value[-1])
     channels = dict(one.channels) | {Channel.DUTY: replace(samples, value=few)}
     one = replace(one, channels=channels)
-    assert located(one, PERIOD_S) == (one, None)
+    assert located(one, Channel.DUTY, PERIOD_S) == (one, None)
 
 
 def test_a_late_sample_is_told_from_a_late_command_by_a_register_that_is_seldom_made():
