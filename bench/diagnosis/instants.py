@@ -8,7 +8,6 @@ time is no noise but looks like a delay.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,42 +20,7 @@ Floats = NDArray[np.float64]
 FEWEST = 10  #: changes that are needed
 FITTING = 0.9  #: share of the spans that must hold a multiple of the period
 SPREAD = 0.03  #: by how much a period may be off; that of the AX-12A is a measured one
-LEAST = 30  #: changes of the register that are needed
-SELDOM = 0.2  #: of the gaps between changes may be shorter than the period
-LONGER = 2.5  #: samples that a period must last: else each may well be new
-UNLIKE = 1.3  #: times the believed period at which it is another
-STEADY = 0.8  #: of the gaps that must be whole periods, within a sample or two
-SAMPLES_OFF = 1.6
-MOST_PERIODS = 4  #: without a change that still count
 FINE_S = 0.0005  #: by how much two periods that are tried differ at a recording's end
-
-
-def own_period(
-    observed: Sequence[Observed], channel: Channel, believed_s: float = 0.0
-) -> tuple[float, float, int] | None:
-    """Period in which a register changes, time between reads [s], and how many gaps show it."""
-    gaps, steps = [], []
-    for one in observed:
-        samples = one.channels.get(channel)
-        if samples is None or len(samples.t_s) < 3:
-            continue
-        changed = np.flatnonzero(np.diff(samples.value) != 0.0)
-        gaps += np.diff(samples.t_s[changed + 1]).tolist()
-        steps.append(float(np.median(np.diff(samples.t_s))))
-    if len(gaps) < LEAST:
-        return None
-    step, every = max(steps), np.array(gaps)
-    shortest = float(np.quantile(every, SELDOM))
-    if shortest < max(LONGER * step, UNLIKE * believed_s):
-        return None
-    turns = np.maximum(1.0, np.round(every / shortest))
-    few = turns <= MOST_PERIODS
-    period = float(every[few].sum() / turns[few].sum())
-    turns = np.maximum(1.0, np.round(every / period))
-    off = np.abs(every - turns * period)
-    if few.sum() < LEAST or np.mean(off[few] <= SAMPLES_OFF * step) < STEADY:
-        return None
-    return period, step, int(few.sum())
 
 
 def located(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.drive import kernel, lanes
 
 from .noise import Block
-from .observed import Channel, Observed, Samples, seldom_told
+from .observed import Channel, Observed, Samples
 
 Floats = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ class Left:
         at = samples.index
         if not drop.any() or len(at) < 2:
             return drop[:, at], np.zeros_like(drop[:, at])
-        if self._rail_s is not None or not seldom_told(samples):
+        if self._rail_s is not None or self._observed.supplied:
             t_s = self._observed.replay.samples if self._rail_s is not None else samples.t_s
             late_s = math.hypot(RAIL_S, self._rail_s or 0.0)
             shown = drop if self._rail_s is not None else drop[:, at]

@@ -28,7 +28,7 @@ from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
-from .instants import located, own_period
+from .instants import located
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
 from .left import Left, good
@@ -125,8 +125,7 @@ class JointModel:
             for key, o in zip(self._conditions, observed, strict=True)
         }
         duties = [located(o, Channel.DUTY, load_refresh_s) for o in observed]
-        period_s = own_period(observed, Channel.VOLTAGE)
-        volts = [located(o, Channel.VOLTAGE, period_s and period_s[0]) for o, _ in duties]
+        volts = [located(o, Channel.VOLTAGE, o.volts_s) for o, _ in duties]
         self._shown = [one for one, _ in volts]  #: with registers at the instants they were made
         self._batch = Batch([o.replay for o in self._shown])
         self._sensed = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from sim.drive import kernel, lanes
 from sim.rollout import Replay
 
 from .commands import TURN, drive_commands, supply_events
+from .periods import own_period
 from .posture import recorded_posture
 from .smooth import follows, smooth
 
@@ -29,9 +30,7 @@ LEAST_SAMPLES = 20  #: below this a recording says nothing about a joint
 TURN_COUNTS = 4096  #: of an encoder that has no ends
 MOTION_QUANTA = 20.0  #: that goals must span to ask for a motion; assumed
 FIRST_SAMPLES, FIRST_S = 5, 0.01  #: that tell how fast a joint is at first, whichever is more
-#: between a voltage's values, beyond which currents come and go; of those that change at whole
-#: periods so many gaps are needed, and this quantile of them is the period
-SELDOM_S, LEAST_GAPS, SHORTEST = 0.05, 10, 0.2
+SELDOM_S = 0.05  #: between a voltage's values, beyond which currents come and go; assumed
 UNLOADED = 0.9  #: quantile of such voltages that is taken for that without load; assumed
 STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
 
@@ -79,6 +78,7 @@ class Observed:
     registers: Mapping[str, int]  #: of the servo, as the metadata has them
     posture_rad: Floats | None = None  #: of all joints of an arm, (n, joints), over the replay
     supplied: bool = False  #: whether the replay's supply is the voltage that was read
+    volts_s: float = 0.0  #: period in which that is read or renewed [s]
 
     @property
     def position(self) -> Samples:
@@ -91,7 +91,13 @@ class Observed:
         told: list[Any] = [self.name, self.group, self.joint]
         told.append(sorted(self.condition.items(), key=str))
         told += [replay.start, replay.events, replay.samples]
-        told += [replay.position_rad, replay.velocity_rad_s, self.posture_rad, self.supplied]
+        told += [
+            replay.position_rad,
+            replay.velocity_rad_s,
+            self.posture_rad,
+            self.supplied,
+            self.volts_s,
+        ]
         for channel, samples in self.channels.items():
             told += [channel.word, samples.register, samples.t_s, samples.value, samples.good]
         return told
@@ -104,19 +110,24 @@ def observe(
     *,
     supply_from_register: bool = True,
     needed: bool = True,
+    like: Sequence[Observed] = (),
 ) -> list[Observed]:
     """What some recordings tell of one joint of a robot.
 
     Where a voltage register was read, the replay's supply is what it says (a channel of its own
     then judges what made the voltage); where that tells of it too seldom, what it says without
-    load. Recordings with too few positions are left out. Raises :class:`RecordingError` when none
-    is left and one is ``needed``.
+    load. ``like`` are recordings of the same joint that were observed before. Recordings with too
+    few positions are left out. Raises :class:`RecordingError` when none is left and one is
+    ``needed``.
     """
     found = []
     for recording in recordings:
-        one = _observe(recording, robot, joint, supply_from_register)
+        one = _observe(recording, robot, joint)
         if one is not None:
             found.append(one)
+    if supply_from_register:
+        volts_s = _voltage_period([*like, *found])
+        found = [_under_voltage(one, volts_s) for one in found]
     if needed and not found:
         raise RecordingError(
             recordings[0].path if recordings else None,
@@ -145,9 +156,7 @@ def stuck(one: Observed) -> bool:
     return moved and float(np.ptp(samples.value[samples.good])) == 0.0
 
 
-def _observe(
-    recording: Recording, robot: Robot, joint: str, supply_from_register: bool
-) -> Observed | None:
+def _observe(recording: Recording, robot: Robot, joint: str) -> Observed | None:
     mount = robot.by_joint[joint]
     servo_id = mount.servo_id
     table = robot.tables[servo_id]
@@ -185,17 +194,6 @@ def _observe(
             np.searchsorted(union, t - origin),
             good if channel is Channel.POSITION else lonely(value, step),
         )
-    supplied = False
-    if supply_from_register and Channel.VOLTAGE in channels:
-        volts = channels[Channel.VOLTAGE]
-        t_s, value = volts.t_s[volts.good], volts.value[volts.good]
-        supplied = not seldom_told(volts)
-        if not supplied:
-            t_s, value = t_s[:1], np.quantile(value, [UNLOADED])
-        supply = supply_events(t_s, value)
-        supply[0, 0] = 0.0
-        events = np.concatenate([events, supply])
-        events = events[np.argsort(events[:, 0], kind="stable")]
     velocity = _first_velocity(times[good], angles[good], quantum)
     is_goal = events[:, 1] == kernel.GOAL_POSITION
     goal_t = np.concatenate([[0.0], events[is_goal, 0]])
@@ -217,16 +215,32 @@ def _observe(
             .items()
         },
         posture_rad=recorded_posture(recording, robot, joint, origin, float(union[-1])),
-        supplied=supplied,
     )
 
 
-def seldom_told(volts: Samples) -> bool:
-    """Whether a voltage is read or renewed so seldom that a current comes and goes in between."""
-    if len(volts.t_s) < 2 or float(np.median(np.diff(volts.t_s))) > SELDOM_S:
-        return True
-    gaps = np.diff(volts.t_s[1:][np.diff(volts.value) != 0.0])
-    return len(gaps) >= LEAST_GAPS and float(np.quantile(gaps, SHORTEST)) > SELDOM_S
+def _voltage_period(some: Sequence[Observed]) -> float:
+    """The period in which a voltage is read or renewed, in most recordings [s]; 0 without one."""
+    volts = [one.channels[Channel.VOLTAGE] for one in some if Channel.VOLTAGE in one.channels]
+    steps = [float(np.median(np.diff(v.t_s))) for v in volts if len(v.t_s) > 1]
+    seen = own_period((v.t_s, v.value) for v in volts)
+    return max(float(np.median(steps)) if steps else 0.0, seen[0] if seen else 0.0)
+
+
+def _under_voltage(one: Observed, period_s: float) -> Observed:
+    """A recording whose replay is under the voltage that was read, or under that without load."""
+    volts = one.channels.get(Channel.VOLTAGE)
+    if volts is None:
+        return one
+    supplied = period_s <= SELDOM_S
+    t_s, value = volts.t_s[volts.good], volts.value[volts.good]
+    if not supplied:
+        t_s, value = t_s[:1], np.quantile(value, [UNLOADED])
+    supply = supply_events(t_s, value)
+    supply[0, 0] = 0.0
+    events = np.concatenate([one.replay.events, supply])
+    events = events[np.argsort(events[:, 0], kind="stable")]
+    replay = replace(one.replay, events=events)
+    return replace(one, replay=replay, supplied=supplied, volts_s=period_s)
 
 
 def _first_velocity(t_s: Floats, angles: Floats, quantum: float) -> float:

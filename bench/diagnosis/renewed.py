@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from .confidence import NORMAL
-from .instants import own_period
 from .observed import Channel, Observed
+from .periods import own_period
 from .result import Cause, Estimate
 
 
@@ -17,7 +17,8 @@ def load_refresh(observed: Sequence[Observed], believed_s: float) -> Cause | Non
     ``believed_s`` is the period of the servo's file, 0 where every value is taken for new. The gain
     [nats] is that of gaps which would as well end at any sample.
     """
-    seen = own_period(observed, Channel.DUTY, believed_s)
+    told = (one.channels[Channel.DUTY] for one in observed if Channel.DUTY in one.channels)
+    seen = own_period(((samples.t_s, samples.value) for samples in told), believed_s)
     if seen is None:
         return None
     period, step, gaps = seen

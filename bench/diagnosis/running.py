@@ -127,7 +127,11 @@ def diagnose(
         if findings and watch.late:
             left.append(f"{joint} was left out: the time was used up before")
             continue
-        judging = [o for o in observe(parts.judging, robot, joint, needed=False) if not stuck(o)]
+        judging = [
+            o
+            for o in observe(parts.judging, robot, joint, needed=False, like=fitted)
+            if not stuck(o)
+        ]
         found = diagnose_joint(
             base,
             robot,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulum_logs import CONDITION, DUTY, POSITION, VOLTS, logs, model_of
+from pendulum_logs import CONDITION, DUTY, JOINT, POSITION, VOLTS, logs, model_of, robot
 
 import bench.diagnosis.fit as fit_module
 from bench.diagnosis.fit import (
@@ -21,10 +21,12 @@ from bench.diagnosis.fit import (
 )
 from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.left import INSTANT_S, WILD, averaged
+from bench.diagnosis.left import INSTANT_S, STALE_S, WILD, Left, averaged
 from bench.diagnosis.model import LATEST, Hypothesis, JointModel, Kind
 from bench.diagnosis.nuisances import GEAR_LEVELS
+from bench.diagnosis.observed import observe
 from bench.diagnosis.search import NEEDED, confirm
+from sim.drive import lanes
 from sim.effects import effect
 from sim.stepped import TICK_S
 
@@ -81,6 +83,57 @@ def test_a_sag_is_seen_in_a_voltage_that_is_measured_now_and_then():
     (knob,) = found.fit.hypothesis.knobs
     assert found.deflated > NEEDED
     assert knob.value(found.fit.z[-1]) == pytest.approx(ohm, rel=0.15)
+
+
+def test_a_sag_is_seen_in_a_voltage_that_is_seldom_renewed():
+    ohm = 3.0
+    sag = {"voltage_sag": {"resistance_ohm": ohm}}
+    model = model_of(logs(sag, registers=(POSITION, VOLTS), held=10, duration_s=8.0))
+    assert not any(model.recorded_supply)  # what a motion was under, it cannot tell
+    before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    found = confirm(model, before, effect("voltage_sag"), np.append(before.z, 1.0))
+    (knob,) = found.fit.hypothesis.knobs
+    assert found.deflated > NEEDED
+    assert knob.value(found.fit.z[-1]) == pytest.approx(ohm, rel=0.2)
+
+
+def test_a_voltage_that_is_often_new_is_what_a_motion_was_under():
+    sag = {"voltage_sag": {"resistance_ohm": 3.0}}
+    often, held = (
+        observe(logs(sag, ["fast"], (POSITION, VOLTS), 8.0, held=n), robot(), JOINT)
+        for n in (1, 10)
+    )
+    assert [one.supplied for one in (*often, *held)] == [True, False]
+    assert held[0].volts_s == pytest.approx(0.1, rel=0.02)
+    (like,) = observe(
+        logs(sag, ["slow"], (POSITION, VOLTS), 1.0, held=10), robot(), JOINT, like=held
+    )
+    assert not like.supplied  # which it does not show by itself
+    volts = held[0].channels[Kind.VOLTAGE.channel]
+    events = held[0].replay.events
+    (level,) = events[events[:, 1] >= lanes.SUPPLY_EVENT][:, 2]
+    assert np.median(volts.value) < level <= volts.value.max()
+
+
+def test_a_voltage_that_is_seldom_read_is_of_some_time_before():
+    (one,) = observe(logs(motions=["fast"], registers=(POSITION, VOLTS)), robot(), JOINT)
+    often = one.channels[Kind.VOLTAGE.channel]
+    few = np.arange(19, len(often.t_s), 20)
+    seldom = replace(
+        often,
+        **{name: getattr(often, name)[few] for name in ("t_s", "value", "index", "good")},
+    )
+    channels = dict(one.channels) | {Kind.VOLTAGE.channel: seldom}
+    one = replace(one, channels=channels, supplied=False)
+    t_s = one.replay.samples
+    outs = np.zeros((1, len(t_s), lanes.CHANNELS))
+    outs[0, :, lanes.OUT_DUTY], outs[0, :, lanes.OUT_CURRENT] = 1.0, 1.0 + np.sin(20.0 * t_s)
+    told = Left(one, renewed=False)
+    (block,) = told.blocks(Kind.VOLTAGE.channel, outs, None, np.array([2.0]), np.array([11.0]))
+    drop = 2.0 + 2.0 * np.sin(20.0 * t_s)
+    before = [drop[(t_s >= t - STALE_S) & (t_s <= t)] for t in seldom.t_s]
+    assert block.value == pytest.approx(seldom.value - 11.0 + [d.mean() for d in before])
+    assert block.extra == pytest.approx([d.var() for d in before])
 
 
 def test_voltages_are_means_over_windows_and_rare_ones_stay():

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.instants import LEAST
 from bench.diagnosis.observed import Channel
+from bench.diagnosis.periods import LEAST
 from bench.diagnosis.renewed import load_refresh
 
 READ_S = 0.01
