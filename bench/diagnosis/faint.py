@@ -33,6 +33,9 @@ READ, SHARE = 10.0, 0.3
 #: do not show: of 35 rigs with nothing hidden the farthest was at 0.68
 BELIEVED = 0.95
 
+#: ticks of a firmware that a time must last: a goal waits for one, what is made of it for the next
+TICKS = 2.0
+
 Squares = Mapping[Kind, Sequence[float]]  #: mean squares by kind, of every group of recordings
 
 
@@ -40,10 +43,10 @@ def changes_little(models: Sequence[JointModel], without: Fit, with_it: Fit, eff
     """Whether a fit is hardly nearer to the recordings of some models with an effect than without.
 
     What takes recordings' positions farther off is no better, whatever another register gains. A
-    time of less than a tick is where a firmware's ticks lie, which nobody knows. What takes a
+    time of less than two ticks is where a firmware's ticks lie, which nobody knows. What takes a
     strain off tolerances changes much, though recordings are followed no better for it.
     """
-    if within_a_tick(with_it, len(models[0].nuisances), effect):
+    if within_ticks(with_it, len(models[0].nuisances), effect):
         return True
     if contradicted(models, without, with_it):
         return True
@@ -76,8 +79,8 @@ def strained(model: JointModel, found: Fit) -> bool:
     return 2.0 * prior_cost(model, found.z) > float(chi2.ppf(BELIEVED, free))
 
 
-def within_a_tick(found: Fit, count: int, effect: str) -> bool:
-    """Whether all sizes of an effect are times, and less than a tick of the firmware.
+def within_ticks(found: Fit, count: int, effect: str) -> bool:
+    """Whether all sizes of an effect are times, and less than a firmware's ticks may make.
 
     ``count`` is the number of nuisances in the fit's vector.
     """
@@ -86,7 +89,7 @@ def within_a_tick(found: Fit, count: int, effect: str) -> bool:
         for knob, z in zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True)
         if knob.effect == effect and not knob.parameter.shape
     ]
-    return all(unit == "s" and abs(value) < TICK_S for unit, value in sizes)
+    return all(unit == "s" and abs(value) < TICKS * TICK_S for unit, value in sizes)
 
 
 def faint(before: Squares, now: Squares, engines: float, rounding: Mapping[Kind, float]) -> bool:
