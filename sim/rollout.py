@@ -2,8 +2,8 @@
 
 A *replay* is what happened at the port of one servo: commands with their times, and the instants at
 which its registers were sampled. A *candidate* is what the servo and its load may be. Every pair of
-them is a job of :func:`sim.drive.lanes.rollout`. Jobs that are alike are rolled out in groups, in
-lockstep; groups are shared over threads.
+them is a job of a :func:`sim.drive.lanes.rollout_of`. Jobs that are alike are rolled out in groups,
+in lockstep; groups are shared over threads.
 """
 
 from __future__ import annotations
@@ -129,12 +129,10 @@ class Candidate:
 
 SOFT, FALLING, RAISED = 1, 2, 4  #: kinds of jobs: of their gears, and of how friction falls
 ROLLOUTS = {
-    0: lanes.rollout_rigid,
-    SOFT: lanes.rollout_sprung,
-    FALLING: lanes.rollout_rigid_slow,
-    SOFT | FALLING: lanes.rollout_sprung_slow,
-    FALLING | RAISED: lanes.rollout_raised,
-    SOFT | FALLING | RAISED: lanes.rollout_raised,
+    kind: lanes.rollout_of(
+        rigid=not kind & SOFT, slow=bool(kind & FALLING), raised=bool(kind & RAISED)
+    )
+    for kind in (0, SOFT, FALLING, SOFT | FALLING, FALLING | RAISED, SOFT | FALLING | RAISED)
 }
 
 

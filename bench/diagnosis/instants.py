@@ -20,7 +20,9 @@ Floats = NDArray[np.float64]
 FEWEST = 10  #: changes that are needed
 FITTING = 0.9  #: share of the spans that must hold a multiple of the period
 SPREAD = 0.03  #: by how much a period may be off; that of the AX-12A is a measured one
-FINE_S = 0.0005  #: by how much two periods that are tried differ at a recording's end
+FINE_S = 0.0005  #: by how much two periods that are tried differ at the end of the spans
+FIRST, MORE = 128, 4  #: spans that are gone through first, and how many times as many after that
+AT_ONCE = 1_000_000  #: edges of spans that are sorted at once
 
 
 def located(
@@ -62,11 +64,25 @@ def located(
 def lattice(first_s: Floats, last_s: Floats, period_s: float) -> tuple[float, float, float, float]:
     """Period and phase [s] that most spans hold a multiple of, how sure that is, and their share.
 
-    Of those that are as good the one with the most room, which is in the middle of it.
+    Of those that are as good the one with the most room, which is in the middle of it. Spans of a
+    long recording are gone through a few at first, and more of them about the best period of those.
     """
-    turns = max(float(last_s[-1] - first_s[0]) / period_s, 1.0)
-    count = 2 * int(np.ceil(SPREAD * period_s * turns / FINE_S)) + 1
-    periods = period_s * (1.0 + np.linspace(-SPREAD, SPREAD, count))[:, None]
+    every, spread, count = period_s, SPREAD * period_s, FIRST
+    while True:
+        first, last = first_s[:count], last_s[:count]
+        turns = max(float(last[-1] - first[0]) / period_s, 1.0)
+        tried = every + np.linspace(-spread, spread, 2 * int(np.ceil(spread * turns / FINE_S)) + 1)
+        parts = np.array_split(tried, np.ceil(4 * len(first) * len(tried) / AT_ONCE))
+        held, half, every, phase = max(_best(first, last, part) for part in parts)
+        if count >= len(first_s):
+            return every, phase, half, held / len(first_s)
+        spread = period_s / turns  # by more, and the last of these spans were a period off
+        count *= MORE
+
+
+def _best(first_s: Floats, last_s: Floats, periods_s: Floats) -> tuple[int, float, float, float]:
+    """How many spans hold a multiple, half the room [s] that leaves, the period [s], the phase."""
+    periods = periods_s[:, None]
     begin = first_s % periods
     end = begin + np.minimum(last_s - first_s, periods)
     # spans on a circle, written out over two turns; what holds is counted at every edge
@@ -79,4 +95,4 @@ def lattice(first_s: Floats, last_s: Floats, period_s: float) -> tuple[float, fl
     row, place = np.unravel_index(int(np.argmax(room)), room.shape)
     half = 0.5 * float(room[row, place])
     every = float(periods[row, 0])
-    return every, float(edges[row, place] + half) % every, half, float(held.max() / len(first_s))
+    return int(held.max()), half, every, float(edges[row, place] + half) % every

@@ -19,9 +19,8 @@ RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 #: next time; nobody documents when, and a current's step at another instant than it was looks like
 #: noise; assumed
 WINDOW_S = 0.05
-STALE_S = (
-    0.12  #: assumed: how old a voltage may be that is read now and then; what it was is not known
-)
+#: how old a voltage may be that is read now and then, nobody knows exactly when; assumed
+STALE_S = 0.12
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 DUTY_S = 0.002  #: the same of a duty, which is made of angles sampled, too
@@ -32,7 +31,8 @@ class Left:
     """A recording, beside which rollouts of it are laid, several at once.
 
     ``renewed`` says whether the register of the duty is made anew in a period of its own, nobody
-    knows when; ``made_s`` how sure its instants are [s].
+    knows when; ``made_s`` how sure its instants are [s], and ``rail_s`` those of the voltage's,
+    if that is made in a period of its own.
     """
 
     def __init__(
@@ -112,12 +112,13 @@ class Left:
         at = samples.index
         if not drop.any() or len(at) < 2:
             return drop[:, at], np.zeros_like(drop[:, at])
-        if self._rail_s is not None or self._observed.supplied:
-            t_s = self._observed.replay.samples if self._rail_s is not None else samples.t_s
-            late_s = math.hypot(RAIL_S, self._rail_s or 0.0)
-            shown = drop if self._rail_s is not None else drop[:, at]
-            spread = (np.gradient(shown, t_s, axis=1) * late_s) ** 2
-            return drop[:, at], spread[:, at] if self._rail_s is not None else spread
+        if self._rail_s is not None:
+            late_s = math.hypot(RAIL_S, self._rail_s)
+            pace = np.gradient(drop, self._observed.replay.samples, axis=1)
+            return drop[:, at], (pace[:, at] * late_s) ** 2
+        if self._observed.supplied:
+            pace = np.gradient(drop[:, at], samples.t_s, axis=1)
+            return drop[:, at], (pace * RAIL_S) ** 2
         first = np.searchsorted(self._observed.replay.samples, samples.t_s - STALE_S)
         count = at + 1 - first
         mean, square = (

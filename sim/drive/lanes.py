@@ -8,6 +8,7 @@ the same number of several jobs.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -139,6 +140,9 @@ class Jobs(NamedTuple):
     gravity: Array
     gravity_range: Integers
     end_s: Array
+
+
+Rollout = Callable[[Array, Jobs, float, int, int, int, Integers, Array], None]
 
 
 @inlined
@@ -284,80 +288,23 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
             live -= 1
 
 
-@compiled
-def rollout_rigid(
-    groups: Array,
-    jobs: Jobs,
-    tick_s: float,
-    substeps: int,
-    first: int,
-    last: int,
-    at: Integers,
-    out: Array,
-) -> None:
-    """:func:`rollout` of rigid gears."""
-    rollout(groups, jobs, tick_s, substeps, first, last, at, out, True, False, False)
+def rollout_of(*, rigid: bool, slow: bool, raised: bool) -> Rollout:
+    """:func:`rollout` of groups of one kind, compiled for it: what never is so, is not asked."""
 
+    @compiled
+    def rollout_kind(
+        groups: Array,
+        jobs: Jobs,
+        tick_s: float,
+        substeps: int,
+        first: int,
+        last: int,
+        at: Integers,
+        out: Array,
+    ) -> None:
+        rollout(groups, jobs, tick_s, substeps, first, last, at, out, rigid, slow, raised)
 
-@compiled
-def rollout_sprung(
-    groups: Array,
-    jobs: Jobs,
-    tick_s: float,
-    substeps: int,
-    first: int,
-    last: int,
-    at: Integers,
-    out: Array,
-) -> None:
-    """:func:`rollout` of gears that give."""
-    rollout(groups, jobs, tick_s, substeps, first, last, at, out, False, False, False)
-
-
-@compiled
-def rollout_rigid_slow(
-    groups: Array,
-    jobs: Jobs,
-    tick_s: float,
-    substeps: int,
-    first: int,
-    last: int,
-    at: Integers,
-    out: Array,
-) -> None:
-    """:func:`rollout` of rigid gears with friction that falls with velocity."""
-    rollout(groups, jobs, tick_s, substeps, first, last, at, out, True, True, False)
-
-
-@compiled
-def rollout_sprung_slow(
-    groups: Array,
-    jobs: Jobs,
-    tick_s: float,
-    substeps: int,
-    first: int,
-    last: int,
-    at: Integers,
-    out: Array,
-) -> None:
-    """:func:`rollout` of gears that give, with friction that falls with velocity."""
-    rollout(groups, jobs, tick_s, substeps, first, last, at, out, False, True, False)
-
-
-@compiled
-def rollout_raised(
-    groups: Array,
-    jobs: Jobs,
-    tick_s: float,
-    substeps: int,
-    first: int,
-    last: int,
-    at: Integers,
-    out: Array,
-) -> None:
-    """:func:`rollout` of friction that falls with any power of the velocity, job by job."""
-    rigid = rigid_gear(groups[first], 0)
-    rollout(groups, jobs, tick_s, substeps, first, last, at, out, rigid, True, True)
+    return rollout_kind
 
 
 @inlined

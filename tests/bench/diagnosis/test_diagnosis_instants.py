@@ -1,5 +1,6 @@
 """When the values of a load register with a period of its own were made."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +18,11 @@ from sim.model import read_model
 PERIOD_S, PHASE_S = 0.13, 0.047
 
 
-def spans(period_s=PERIOD_S, phase_s=PHASE_S, read_s=0.02, jitter_s=0.002, seed=0):
+def spans(period_s=PERIOD_S, duration_s=6.0, phase_s=PHASE_S, read_s=0.02, jitter_s=0.002):
     """Times of the reads before and at which values were seen to be new."""
-    random = np.random.default_rng(seed)
-    reads = np.arange(0.0, 6.0, read_s) + random.uniform(0.0, jitter_s, round(6.0 / read_s))
+    random = np.random.default_rng(0)
+    late_s = random.uniform(0.0, jitter_s, round(duration_s / read_s))
+    reads = read_s * np.arange(len(late_s)) + late_s
     seen = np.floor((reads - phase_s) / period_s)
     new = 1 + np.flatnonzero(np.diff(seen))
     return reads[new - 1], reads[new]
@@ -36,6 +38,19 @@ def test_a_lattice_is_found_where_reads_are_in_step_with_it(period_s):
         for x in ((PHASE_S, period_s), (phase_s, every_s))
     )
     assert abs(said - true) < off_s + 0.001 < 0.012
+
+
+def test_a_long_recording_is_gone_through_in_little_memory():
+    told = spans(0.1297, 600.0)
+    tracemalloc.start()
+    every_s, phase_s, off_s, share = lattice(*told, PERIOD_S)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(told[0]) > 4000
+    assert share > 0.99  # hardly any room is left for all of them
+    assert every_s == pytest.approx(0.1297, abs=1e-5)
+    assert abs((phase_s - PHASE_S + every_s / 2) % every_s - every_s / 2) < off_s + 0.001 < 0.012
+    assert most < 1e8
 
 
 def held(one, period_s=PERIOD_S):

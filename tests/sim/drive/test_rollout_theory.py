@@ -239,7 +239,7 @@ def load_friction() -> Iterator[Any]:
         groups[:, lanes.OF_LOADS + lanes.SHAFT_FRICTION] = bearing_nm
         at = np.empty((lanes.PLACES, lanes.LANES), np.int64)
         out = np.full((1, 301, lanes.CHANNELS), np.nan)
-        lanes.rollout_sprung(groups, jobs, TICK_S, 20, 0, 1, at, out)
+        rollout.ROLLOUTS[rollout.SOFT](groups, jobs, TICK_S, 20, 0, 1, at, out)
         return position(out[0])
 
     return rolled
