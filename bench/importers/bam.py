@@ -35,7 +35,15 @@ MOTORS: Mapping[str, str] = MappingProxyType(
     }
 )
 #: model -> robot file of the rig
-ROBOTS: Mapping[str, str] = MappingProxyType({"XL330-M288": "xl330-pendulum"})
+ROBOTS: Mapping[str, str] = MappingProxyType(
+    {
+        "XL330-M288": "xl330-pendulum",
+        "XL-320": "xl320-pendulum",
+        "MX-64": "mx64-pendulum",
+        "MX-106": "mx106-pendulum",
+        "STS3215": "sts3215-pendulum",
+    }
+)
 #: a field of a sample -> registers it may be, the first that the model has; in the order in which
 #: the recorder reads them
 FIELDS: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -19,7 +19,15 @@ from sim.tree import GRAVITY_M_S2
 from sim.world import BulletPlant, World
 
 Make = Callable[..., BulletPlant]
-RIGS = ("pendulum", "xl330-pendulum", "marvin-leg", "arm")
+PENDULUMS = (
+    "pendulum",
+    "xl330-pendulum",
+    "xl320-pendulum",
+    "mx64-pendulum",
+    "mx106-pendulum",
+    "sts3215-pendulum",
+)
+RIGS = (*PENDULUMS, "marvin-leg", "arm")
 HELD = {"payload_kg": 0.35, "payload_at_m": 0.15, "payload_inertia_kg_m2": 1.2e-4}
 
 
@@ -38,7 +46,7 @@ def test_a_pendulums_load_is_the_sum_of_arm_and_weight() -> None:
     assert load.centre_rad == 0.0
 
 
-@pytest.mark.parametrize("name", ["pendulum", "xl330-pendulum"])
+@pytest.mark.parametrize("name", PENDULUMS)
 def test_the_engine_swings_a_one_joint_rig_as_its_load_says(name: str) -> None:
     rig = under(read_physics(load_robot(name)), HELD)
     load = one_joint_load(rig)

@@ -1,5 +1,6 @@
 """Each shape of foreign file becomes raw values on the wire, and says what had to be decided."""
 
+import json
 from math import isnan, pi
 
 import numpy as np
@@ -20,7 +21,9 @@ from foreign_logs import (
     wide,
 )
 
+from bench.diagnosis.observed import observe
 from bench.importers import FORMATS, import_file, open_recordings, recognise
+from bench.importers.bam import MOTORS
 from bench.recording import RecordingError, joint_track, write
 from bench.recording.columns import numbers
 from bench.recording_commands import import_
@@ -63,6 +66,20 @@ def test_bam_loads_are_two_complement_and_goals_come_before_their_reads(tmp_path
     # what is left of the loop's 5 ms after goal and half of the reads is the other half
     assert stamps - reads.t_sample_s == pytest.approx(0.002, abs=1e-4)
     assert "goals 3.0" in notes(recording)
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+def test_every_motor_of_a_bam_log_has_a_rig_of_its_own(tmp_path, motor):
+    path = bam_log(tmp_path / "log.json")
+    document = json.loads(path.read_text())
+    entries = [entry | {"load": 0} for entry in document["entries"]]
+    path.write_text(json.dumps(document | {"motor": motor, "kp": 8, "entries": entries}))
+    (recording,) = import_file(path)
+    assert recording.robot.name == f"{motor}-pendulum"
+    assert recording.robot.by_id[1].model == MOTORS[motor]
+    (seen,) = observe([recording], recording.robot, "arm")
+    reads = recording.si(1, "present_position", "read")
+    assert seen.position.value == pytest.approx(reads.value)
 
 
 def test_bam_torque_off_is_a_write_and_no_goals_come_after_it(tmp_path):
