@@ -17,6 +17,7 @@ from sim.stepped import TICK_S
 from .fit import Fit, bounds, prior_cost
 from .floor import engines_rad
 from .model import JointModel, Kind
+from .nuisances import TICKS
 
 Floats = NDArray[np.float64]
 
@@ -32,9 +33,6 @@ READ, SHARE = 10.0, 0.3
 #: quantile of their priors within which tolerances are, taken together. Fits shrink what recordings
 #: do not show: of 35 rigs with nothing hidden the farthest was at 0.68
 BELIEVED = 0.95
-
-#: ticks of a firmware that a time must last: a goal waits for one, what is made of it for the next
-TICKS = 2.0
 
 Squares = Mapping[Kind, Sequence[float]]  #: mean squares by kind, of every group of recordings
 

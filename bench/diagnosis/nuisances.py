@@ -16,10 +16,12 @@ import numpy as np
 from sim.drive import kernel
 from sim.entries import Section
 from sim.rollout import Candidate, Load
+from sim.stepped import TICK_S
 
 WITHIN = 2.0  #: deviations that a nuisance with a tolerance may take
 FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was stated
-
+#: ticks of a firmware that a time may be off: a goal waits for one, what is made of it for the next
+TICKS = 2.0
 
 LOGARITHM = "(logarithm)"  #: unit of a nuisance that is a factor
 SHARE = "(share)"  #: unit of one that lies between nothing and all, and either end is as believable
@@ -198,7 +200,7 @@ NUISANCES = (
     Nuisance(
         "sampling",
         "s",
-        0.0007,
+        TICKS * TICK_S / WITHIN,
         "turnaround of a bus, goals and angles taken at ticks of 1 ms; assumed",
         lambda c, x: replace(c, late_s=c.late_s + x),
     ),
