@@ -116,7 +116,7 @@ class Left:
             late_s = math.hypot(RAIL_S, self._rail_s)
             pace = np.gradient(drop, self._observed.replay.samples, axis=1)
             return drop[:, at], (pace[:, at] * late_s) ** 2
-        if self._observed.supplied:
+        if not self._observed.seldom:
             pace = np.gradient(drop[:, at], samples.t_s, axis=1)
             return drop[:, at], (pace * RAIL_S) ** 2
         first = np.searchsorted(self._observed.replay.samples, samples.t_s - STALE_S)

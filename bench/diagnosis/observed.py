@@ -32,6 +32,9 @@ MOTION_QUANTA = 20.0  #: that goals must span to ask for a motion; assumed
 FIRST_SAMPLES, FIRST_S = 5, 0.01  #: that tell how fast a joint is at first, whichever is more
 SELDOM_S = 0.05  #: between a voltage's values, beyond which currents come and go; assumed
 UNLOADED = 0.9  #: quantile of such voltages that is taken for that without load; assumed
+#: steps of its register by which a voltage must go up and down to be one that a motion was under:
+#: a step of 0.1 V is 2 % of 5 V, and what the rounding hides makes a motion wrong by up to half
+EVEN_STEPS = 2.0
 STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
 
 
@@ -85,6 +88,11 @@ class Observed:
         """The channel every joint has."""
         return self.channels[Channel.POSITION]
 
+    @property
+    def seldom(self) -> bool:
+        """Whether a voltage is told so seldom that currents come and go between its values."""
+        return self.volts_s > SELDOM_S
+
     def parts(self) -> list[Any]:
         """All that residuals depend on, as arrays and plain values."""
         replay = self.replay
@@ -115,10 +123,10 @@ def observe(
     """What some recordings tell of one joint of a robot.
 
     Where a voltage register was read, the replay's supply is what it says (a channel of its own
-    then judges what made the voltage); where that tells of it too seldom, what it says without
-    load. ``like`` are recordings of the same joint that were observed before. Recordings with too
-    few positions are left out. Raises :class:`RecordingError` when none is left and one is
-    ``needed``.
+    then judges what made the voltage). Where that tells of it too seldom, it is what it says
+    without load; and where it hardly changes but for its rounding, its mean. ``like`` are
+    recordings of the same joint that were observed before. Recordings with too few positions are
+    left out. Raises :class:`RecordingError` when none is left and one is ``needed``.
     """
     found = []
     for recording in recordings:
@@ -126,8 +134,8 @@ def observe(
         if one is not None:
             found.append(one)
     if supply_from_register:
-        volts_s = _voltage_period([*like, *found])
-        found = [_under_voltage(one, volts_s) for one in found]
+        supply = _Supply.of([*like, *found])
+        found = [supply.under(one) for one in found]
     if needed and not found:
         raise RecordingError(
             recordings[0].path if recordings else None,
@@ -218,29 +226,50 @@ def _observe(recording: Recording, robot: Robot, joint: str) -> Observed | None:
     )
 
 
-def _voltage_period(some: Sequence[Observed]) -> float:
-    """The period in which a voltage is read or renewed, in most recordings [s]; 0 without one."""
-    volts = [one.channels[Channel.VOLTAGE] for one in some if Channel.VOLTAGE in one.channels]
-    steps = [float(np.median(np.diff(v.t_s))) for v in volts if len(v.t_s) > 1]
-    seen = own_period((v.t_s, v.value) for v in volts)
-    return max(float(np.median(steps)) if steps else 0.0, seen[0] if seen else 0.0)
+@dataclass(frozen=True, slots=True)
+class _Supply:
+    """What some recordings' voltages tell of the supply; ``level_v`` is one for all of them."""
 
+    period_s: float = 0.0  #: in which a voltage is read or renewed; 0 without one
+    even: bool = False
+    level_v: float | None = None
 
-def _under_voltage(one: Observed, period_s: float) -> Observed:
-    """A recording whose replay is under the voltage that was read, or under that without load."""
-    volts = one.channels.get(Channel.VOLTAGE)
-    if volts is None:
-        return one
-    supplied = period_s <= SELDOM_S
-    t_s, value = volts.t_s[volts.good], volts.value[volts.good]
-    if not supplied:
-        t_s, value = t_s[:1], np.quantile(value, [UNLOADED])
-    supply = supply_events(t_s, value)
-    supply[0, 0] = 0.0
-    events = np.concatenate([one.replay.events, supply])
-    events = events[np.argsort(events[:, 0], kind="stable")]
-    replay = replace(one.replay, events=events)
-    return replace(one, replay=replay, supplied=supplied, volts_s=period_s)
+    @classmethod
+    def of(cls, some: Sequence[Observed]) -> _Supply:
+        """The period is that of most recordings."""
+        volts = [one.channels[Channel.VOLTAGE] for one in some if Channel.VOLTAGE in one.channels]
+        if not volts:
+            return cls()
+        steps = [float(np.median(np.diff(v.t_s))) for v in volts if len(v.t_s) > 1]
+        seen = own_period((v.t_s, v.value) for v in volts)
+        period_s = max(float(np.median(steps)) if steps else 0.0, seen[0] if seen else 0.0)
+        quantum = volts[0].quantum
+        swing = [np.ptp(np.quantile(v.value[v.good], [0.05, 0.95])) for v in volts]
+        means = [float(np.mean(v.value[v.good])) for v in volts]
+        return cls(
+            period_s,
+            bool(max(swing) < (EVEN_STEPS + 0.5) * quantum),
+            float(np.mean(means)) if np.ptp(means) < 1.5 * quantum else None,
+        )
+
+    def under(self, one: Observed) -> Observed:
+        """A recording whose replay is under this supply."""
+        volts = one.channels.get(Channel.VOLTAGE)
+        if volts is None:
+            return one
+        t_s, value = volts.t_s[volts.good], volts.value[volts.good]
+        supplied = self.period_s <= SELDOM_S and not self.even
+        if self.even:
+            level_v = float(np.mean(value)) if self.level_v is None else self.level_v
+            t_s, value = t_s[:1], np.array([level_v])
+        elif not supplied:
+            t_s, value = t_s[:1], np.quantile(value, [UNLOADED])
+        supply = supply_events(t_s, value)
+        supply[0, 0] = 0.0
+        events = np.concatenate([one.replay.events, supply])
+        events = events[np.argsort(events[:, 0], kind="stable")]
+        replay = replace(one.replay, events=events)
+        return replace(one, replay=replay, supplied=supplied, volts_s=self.period_s)
 
 
 def _first_velocity(t_s: Floats, angles: Floats, quantum: float) -> float:

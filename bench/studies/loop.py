@@ -38,9 +38,10 @@ from busemu.timing import load_profile
 from sim.world import BulletPlant
 
 from . import loop_gaits
-from .stance_runs import LOADS_KG, SCENE, SECONDS, Cause, Run, recording_of, specimen
+from .stance_runs import LOADS_KG, SCENE, Cause, Run, recording_of, specimen
 
 FORMAT = "busemu-loop-study/1"
+SECONDS = 5.0  #: of a walk
 TIPS_N_M, JOINTS_RAD_NM = 800.0, 0.3  #: what is hidden
 #: walks that fit, by name, and the one that judges the diagnosis
 FITTED = {

@@ -25,7 +25,7 @@ from busemu.tables import Robot
 
 SCENE = "marvin-walk"
 LOADS_KG = (0.0, 0.092)  #: source: the thesis's torque experiment, without and with two more cells
-SECONDS = 5.0
+SECONDS = 10.0  #: six steady cycles or so; walks of 5 s have fewer than three
 SEEDS = (0, 3)  #: of the pattern generator's first state, one a recording under the run's load
 OTHER_LOAD = "other-load"  #: the recording of the same robot under the other load
 #: sizes drawn between these, on a logarithmic scale; the tips' are within what rubber is assumed

@@ -141,14 +141,45 @@ def test_every_channel_finds_its_samples_among_the_replays():
     assert (np.diff(one.replay.events[:, 0]) >= 0.0).all()
 
 
+def under_volts(*values, supply_from_register=True):
+    """Recordings whose voltage register reads so [V], each over and over, observed."""
+    told = [
+        recorded("slow", {POSITION: None, VOLTS: np.resize(some, 300)}, 3.0, CONDITION, "one")
+        for some in values
+    ]
+    return observe(told, robot(), JOINT, supply_from_register=supply_from_register)
+
+
+def supplies(one):
+    return one.replay.events[one.replay.events[:, 1] >= lanes.SUPPLY_EVENT]
+
+
 def test_a_voltage_that_was_read_feeds_the_replay_from_the_start():
-    (recording,) = logs(motions=["slow"], registers=(POSITION, VOLTS))
-    (one,) = observe([recording], robot(), JOINT)
-    volts = one.replay.events[one.replay.events[:, 1] >= lanes.SUPPLY_EVENT]
+    (one,) = under_volts([5.0, 4.9, 4.7])
+    volts = supplies(one)
+    assert one.supplied
     assert volts[0, 0] == 0.0
     assert volts[:, 2] == pytest.approx(one.channels[Channel.VOLTAGE].value)
-    (without,) = observe([recording], robot(), JOINT, supply_from_register=False)
-    assert (without.replay.events[:, 1] < lanes.SUPPLY_EVENT).all()
+    (without,) = under_volts([5.0, 4.9, 4.7], supply_from_register=False)
+    assert not len(supplies(without))
+
+
+def test_a_voltage_that_hardly_changes_but_for_its_rounding_is_its_mean():
+    some = under_volts([5.0, 4.9], [4.9, 4.8])
+    assert not any(one.supplied or one.seldom for one in some)
+    for one in some:  # of one supply
+        ((t_s, _, volts),) = supplies(one)
+        assert (t_s, volts) == (0.0, pytest.approx(4.9))
+
+
+def test_supplies_that_are_more_than_a_step_apart_are_two():
+    some = under_volts([5.0, 4.9], [4.7, 4.6])
+    assert [one.supplied for one in some] == [False, False]
+    assert [supplies(one)[0, 2] for one in some] == pytest.approx([4.95, 4.65])
+
+
+def test_a_voltage_that_changes_in_one_recording_is_taken_as_read_in_all():
+    assert [one.supplied for one in under_volts([5.0, 4.9], [5.0, 4.9, 4.7])] == [True, True]
 
 
 def test_a_recording_of_too_few_positions_is_left_out_and_of_none_refused():

@@ -89,7 +89,7 @@ def test_a_sag_is_seen_in_a_voltage_that_is_measured_now_and_then(ohm, held, dur
 
 
 def test_a_voltage_that_is_often_new_is_what_a_motion_was_under():
-    sag = {"voltage_sag": {"resistance_ohm": 3.0}}
+    sag = {"voltage_sag": {"resistance_ohm": 6.0}}
     often, held = (
         observe(logs(sag, ["fast"], (POSITION, VOLTS), 8.0, held=n), robot(), JOINT)
         for n in (1, 10)
@@ -115,7 +115,7 @@ def test_a_voltage_that_is_seldom_read_is_of_some_time_before():
         **{name: getattr(often, name)[few] for name in ("t_s", "value", "index", "good")},
     )
     channels = dict(one.channels) | {Kind.VOLTAGE.channel: seldom}
-    one = replace(one, channels=channels, supplied=False)
+    one = replace(one, channels=channels, supplied=False, volts_s=0.2)
     t_s = one.replay.samples
     outs = np.zeros((1, len(t_s), lanes.CHANNELS))
     outs[0, :, lanes.OUT_DUTY], outs[0, :, lanes.OUT_CURRENT] = 1.0, 1.0 + np.sin(20.0 * t_s)
