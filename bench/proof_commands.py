@@ -42,7 +42,7 @@ def prove(
         typer.Option(
             min=0,
             metavar="CASES",
-            help="So many cases of whole robots, too. Each takes about four minutes of a core.",
+            help="So many cases of whole robots, too. Each takes two to twenty minutes of a core.",
         ),
     ] = 0,
     processes: Annotated[int, typer.Option(min=1, help="How many run at a time.")] = 2,

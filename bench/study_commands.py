@@ -29,7 +29,7 @@ def study(
 ) -> None:
     """Put one of the open questions to the whole bench.
 
-    The thesis's own, on eight robots of another physics engine (some minutes):
+    The thesis's own, on eight robots of another physics engine (three parts of half an hour or so):
 
         busemu study stance
 

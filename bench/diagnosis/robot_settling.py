@@ -19,7 +19,7 @@ from .robot_model import RobotModel
 from .robot_search import AT_END, WORSE, Progress, RobotFindings, RobotGain, RobotSearch
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
-#: fitted and elsewhere. Measured of nulls of another engine: 0.34 to 0.40, and 1.0 to 1.5
+#: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
 FITTED, JUDGED = 0.6, 1.8
 ENDS = 1  #: so many of 15 tolerances may be at their ends; ten nulls of another engine had 0 or 1
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged

@@ -1,8 +1,9 @@
 """``python -m bench.proof.confined``: run a module in a process that reads only what it is given.
 
 The kernel does it (Landlock, Linux 5.13 and later): from then on neither this process nor what it
-starts can open another file, look into another process, or reach the network. Nothing that is
-imported after it can take it back. Only the standard library is imported before.
+starts can open another file, look into another process, or, with Landlock 4, open a TCP
+connection. Nothing that is imported after it can take it back. Only the standard library is
+imported before.
 """
 
 from __future__ import annotations

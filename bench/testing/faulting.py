@@ -13,10 +13,11 @@ class BusFaults:
     """Faults of a bus. Each method gives the fault's number, for :meth:`clear` and :meth:`struck`.
 
     Faults of packets (drop to latency) take ``servo`` (an ID or a list of them), ``register``,
-    ``instruction`` ("sync_read"), ``count``, ``probability``, ``after_s`` and ``for_s``; those that
-    can strike the instruction as well take ``on="instruction"``. The others take ``servo``,
-    ``after_s`` and ``for_s``. Times are from now on, in seconds of the bus. What is wrong with a
-    request raises :class:`busemu.faults.FaultError`.
+    ``instruction`` ("sync_read"), ``count``, ``probability``, ``after_s`` and ``for_s``; those
+    that can strike the instruction as well take ``on="instruction"``. The others take ``servo``
+    (``duplicate_id`` needs one), ``after_s`` and, but for ``overload``, ``for_s``. Times are
+    from now on, in seconds of the bus. What is wrong with a request raises
+    :class:`busemu.faults.FaultError`.
     """
 
     def __init__(self, ask: Callable[..., Mapping[str, Any]]) -> None:

@@ -85,6 +85,9 @@ def _number(value: float) -> str:
 
 def main(arguments: list[str]) -> None:
     """Print the page, or write it to the file named."""
+    if arguments in (["-h"], ["--help"]):
+        print(__doc__)
+        return
     text = page(catalogue().values())
     if not arguments:
         sys.stdout.write(text)
