@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from sim.stepped import TICK_S
-
 from .fit import Fit, bounds, prior_cost
 from .floor import engines_rad
 from .model import JointModel, Kind
-from .nuisances import TICKS
+from .nuisances import LATE_S
 
 Floats = NDArray[np.float64]
 
@@ -41,8 +39,8 @@ def changes_little(models: Sequence[JointModel], without: Fit, with_it: Fit, eff
     """Whether a fit is hardly nearer to the recordings of some models with an effect than without.
 
     What takes recordings' positions farther off is no better, whatever another register gains. A
-    time of less than two ticks is where a firmware's ticks lie, which nobody knows. What takes a
-    strain off tolerances changes much, though recordings are followed no better for it.
+    time of less than :data:`LATE_S` is where a firmware's ticks lie, which nobody knows. What takes
+    a strain off tolerances changes much, though recordings are followed no better for it.
     """
     if within_ticks(with_it, len(models[0].nuisances), effect):
         return True
@@ -87,7 +85,7 @@ def within_ticks(found: Fit, count: int, effect: str) -> bool:
         for knob, z in zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True)
         if knob.effect == effect and not knob.parameter.shape
     ]
-    return all(unit == "s" and abs(value) < TICKS * TICK_S for unit, value in sizes)
+    return all(unit == "s" and abs(value) < LATE_S for unit, value in sizes)
 
 
 def faint(before: Squares, now: Squares, engines: float, rounding: Mapping[Kind, float]) -> bool:

@@ -20,8 +20,10 @@ from sim.stepped import TICK_S
 
 WITHIN = 2.0  #: deviations that a nuisance with a tolerance may take
 FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was stated
-#: ticks of a firmware that a time may be off: a goal waits for one, what is made of it for the next
-TICKS = 2.0
+#: how late all may be [s] by where a firmware's ticks lie: a goal waits for one, what a register
+#: shows of an angle is of one before, and they are up to 1.5 ms apart (assumed), of which a model
+#: with ticks of its own has half of one
+LATE_S = 2 * 0.0015 - TICK_S / 2
 
 LOGARITHM = "(logarithm)"  #: unit of a nuisance that is a factor
 SHARE = "(share)"  #: unit of one that lies between nothing and all, and either end is as believable
@@ -200,8 +202,8 @@ NUISANCES = (
     Nuisance(
         "sampling",
         "s",
-        TICKS * TICK_S / WITHIN,
-        "turnaround of a bus, goals and angles taken at ticks of 1 ms; assumed",
+        LATE_S / WITHIN,
+        "turnaround of a bus, goals and angles taken at a firmware's ticks; assumed",
         lambda c, x: replace(c, late_s=c.late_s + x),
     ),
     Nuisance(

@@ -19,6 +19,8 @@ PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plai
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
 WAVES = "periods"  #: number of an effect that is a wave, which ends where nothing is one any more
 LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
+PACE = "velocity_limit"  #: an effect that is a limit of how fast a goal moves
+FASTER = 1.5  #: times its speed without load, beyond which a servo's goals are not limited; assumed
 #: times a limit, beyond which a duty denies it (a fit is not exact), and in how many samples
 BEYOND, SAMPLES = 1.04, 5
 BEHIND = 0.5  #: of the gain of a name taken back that another must have, to take its place
@@ -28,9 +30,12 @@ def objection(
     model: JointModel, found: Fit, gain: Gain, effects: Mapping[str, Effect]
 ) -> str | None:
     """Why an effect of a fit cannot be the cause; ``None`` where nothing speaks against it."""
-    if (why := _implausible(model, found, gain.effect)) is not None:
-        return why
-    if gain.effect == LIMITS and (why := _shown_beyond(model, found)) is not None:
+    why = _implausible(model, found, gain.effect)
+    if why is None and gain.effect == LIMITS:
+        why = _shown_beyond(model, found)
+    if why is None and gain.effect == PACE:
+        why = _never_reached(model, found)
+    if why is not None:
         return why
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
         return f"its two numbers differ by no more than chance, which is {SPLIT[gain.effect]}"
@@ -81,6 +86,21 @@ def _shown_beyond(model: JointModel, found: Fit) -> str | None:
     return (
         f"it would be {limit:.3g} of full duty, and the duty's own register shows up to "
         f"{max(shown):.3g}"
+    )
+
+
+def _never_reached(model: JointModel, found: Fit) -> str | None:
+    """That goals may move faster than the servo could follow, so that no limit is seen."""
+    count = len(model.nuisances)
+    knobs = zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True)
+    (limit,) = (knob.value(z) for knob, z in knobs if knob.effect == PACE)
+    drive = model.base.joints[model.index].drive
+    able = drive.no_load_velocity_rad_s(model.base.supply.voltage_v)
+    if limit < FASTER * able:
+        return None
+    return (
+        f"goals would move at {limit:.3g} rad/s, and the servo itself at {able:.3g} rad/s at most: "
+        "what is limited so little is where a firmware's ticks lie"
     )
 
 

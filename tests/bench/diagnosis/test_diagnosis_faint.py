@@ -53,8 +53,8 @@ def test_a_name_that_changes_less_than_engines_differ_by_is_none(positions, duty
     ("name", "value", "expected"),
     [
         ("read_skew", -0.0018, True),
-        ("read_skew", 0.0023, False),
-        ("transport_delay", 0.0018, True),
+        ("read_skew", 0.0026, False),
+        ("transport_delay", 0.0024, True),
         ("dead_zone", 0.0001, False),  # no time at all
         ("thermal_derating", 0.0005, False),  # its time only shapes it
     ],

@@ -236,6 +236,14 @@ def test_a_limit_of_the_duty_that_its_register_shows_more_than_is_denied():
         assert "shows up to 0.4" in why
 
 
+def test_a_limit_of_speed_beyond_what_a_servo_can_is_none():
+    (knob,) = effect_knobs(effect("velocity_limit"))
+    for limit, speaks in ((36.0, True), (9.0, False)):  # an XL330 turns at 10.8 rad/s
+        model, found = with_numbers("velocity_limit", [knob.at(limit)])
+        why = objection(model, found, gain_of("velocity_limit", found), EVERY)
+        assert (why is not None) is speaks
+
+
 def test_a_limit_is_not_denied_where_no_register_of_the_duty_was_read():
     model = model_of(logs({"torque_limit": {"duty": 0.4}}, registers=(POSITION,)))
     knobs = effect_knobs(effect("torque_limit"))
