@@ -35,6 +35,7 @@ UNLOADED = 0.9  #: quantile of such voltages that is taken for that without load
 #: steps of its register by which a voltage must go up and down to be one that a motion was under:
 #: a step of 0.1 V is 2 % of 5 V, and what the rounding hides makes a motion wrong by up to half
 EVEN_STEPS = 2.0
+RARE = 0.005  #: share of its values that may be farther off, and are wrong; assumed
 STILL_QUANTA = 4.0  #: a joint that moves less at the beginning is taken to rest
 
 
@@ -244,7 +245,7 @@ class _Supply:
         seen = own_period((v.t_s, v.value) for v in volts)
         period_s = max(float(np.median(steps)) if steps else 0.0, seen[0] if seen else 0.0)
         quantum = volts[0].quantum
-        swing = [np.ptp(np.quantile(v.value[v.good], [0.05, 0.95])) for v in volts]
+        swing = [np.ptp(np.quantile(v.value[v.good], [RARE, 1.0 - RARE])) for v in volts]
         means = [float(np.mean(v.value[v.good])) for v in volts]
         return cls(
             period_s,

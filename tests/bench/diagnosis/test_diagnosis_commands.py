@@ -178,6 +178,13 @@ def test_supplies_that_are_more_than_a_step_apart_are_two():
     assert [supplies(one)[0, 2] for one in some] == pytest.approx([4.95, 4.65])
 
 
+def test_a_voltage_that_dips_now_and_then_is_taken_as_read():
+    dips = np.where(np.arange(300) % 100 < 3, 4.0, 5.0)
+    glitch = np.where(np.arange(300) == 150, 0.0, 5.0)
+    assert [one.supplied for one in under_volts(dips)] == [True]
+    assert [one.supplied for one in under_volts(glitch)] == [False]
+
+
 def test_a_voltage_that_changes_in_one_recording_is_taken_as_read_in_all():
     assert [one.supplied for one in under_volts([5.0, 4.9], [5.0, 4.9, 4.7])] == [True, True]
 
