@@ -46,9 +46,9 @@ def believed(
 
 def sprung(rigid: JointModel) -> tuple[JointModel, Fit] | None:
     """The same joint with the spring of its file, and that fitted; none where it has none."""
-    if not _has_spring(rigid):
+    model = with_spring(rigid)
+    if model is rigid:
         return None
-    model = rigid.of(rigid.observed, sprung=True)
     return model, fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
 
 
@@ -57,9 +57,9 @@ def asked_again(rigid: JointModel) -> Callable[[Fit], None]:
 
     It raises :class:`SpringError` if so, and never does of names about gears, which have a spring.
     """
-    if not _has_spring(rigid):
+    model = with_spring(rigid)
+    if model is rigid:
         return lambda _: None
-    model = rigid.of(rigid.observed, sprung=True)
 
     def ask(found: Fit) -> None:
         if GEARS & set(found.hypothesis.effects):
@@ -71,7 +71,9 @@ def asked_again(rigid: JointModel) -> Callable[[Fit], None]:
     return ask
 
 
-def _has_spring(rigid: JointModel) -> bool:
-    """Whether there is a spring in the file that the model does not have."""
-    stiffness = rigid.base.joints[rigid.index].drive.gear_stiffness_nm_rad
-    return not rigid.sprung and math.isfinite(stiffness)
+def with_spring(model: JointModel) -> JointModel:
+    """The joint with the spring of its file; the very model where it has it, or there is none."""
+    stiffness = model.base.joints[model.index].drive.gear_stiffness_nm_rad
+    if model.sprung or not math.isfinite(stiffness):
+        return model
+    return model.of(model.observed, sprung=True)

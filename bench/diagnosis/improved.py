@@ -8,7 +8,8 @@ of two numbers that balance each other would be worse than neither.
 What is likeliest is a question of what is noise. Where something structured is left, noise with a
 memory takes most of it up, and numbers that follow the motion less closely cost nothing: such a fit
 tells causes apart, and foretells badly. There the last fit is least squares over the positions,
-with the numbers of the named effects free as well.
+with the numbers of the named effects free as well, and with the spring of the file, which the
+emulator has though the gear was taken for rigid.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ from sim.effects import Effect, Parameter, Scope, effect
 from sim.model import Addition, Estimate, with_additions
 
 from .fit import EDGE, block_rms, bounds, estimate_noise, least_squares
+from .gear import with_spring
 from .joint import JointFindings
-from .model import Blocks, Kind
+from .model import Blocks, JointModel, Kind
 from .noise import Noise
 from .nuisances import PRESLIDING, PUNCH, STALL, Nuisance
 from .result import DEAD
@@ -154,11 +156,12 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
     foretold.
     """
     z = found.after.z.copy()
-    low, high = bounds(found.model, found.after.hypothesis)
-    count = len(found.model.nuisances)
+    model = with_spring(found.model) if foretold(found) else found.model
+    low, high = bounds(model, found.after.hypothesis)
+    count = len(model.nuisances)
     if not foretold(found):
         low[count:] = high[count:] = z[count:]
-    for k, nuisance in enumerate(found.model.nuisances):
+    for k, nuisance in enumerate(model.nuisances):
         ends = (0.0, 0.0)
         if nuisance.name in once:
             ends = (once[nuisance.name], once[nuisance.name])
@@ -170,12 +173,14 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
     start = np.clip(z, low, high)
     if (start == z).all() and not foretold(found):
         return start
-    return _settled(found, start, low, high)
+    return _settled(found, model, start, low, high)
 
 
-def _settled(found: JointFindings, z: Floats, low: Floats, high: Floats) -> Floats:
-    """Least squares within bounds, from a fit that had other ones or another noise."""
-    model, hypothesis = found.model, found.after.hypothesis
+def _settled(
+    found: JointFindings, model: JointModel, z: Floats, low: Floats, high: Floats
+) -> Floats:
+    """Least squares within bounds, from a fit that had other ones, another gear or noise."""
+    hypothesis = found.after.hypothesis
     for _ in range(FORETELLING if foretold(found) else ROUNDS):
         blocks = model.residuals(hypothesis, [z])[0]
         noise = estimate_noise(model, blocks, found.after.noise)

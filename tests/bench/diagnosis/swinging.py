@@ -37,6 +37,12 @@ def swings(effect_name=None, size=0.0, speeds=SPEEDS_RAD_S, moving=True):
     ]
 
 
+def stuck():
+    """Recordings of goals that move and a joint that does not."""
+    robot = load_robot(ROBOT)
+    return [_recording(robot, i, speed, None, True) for i, speed in enumerate(SPEEDS_RAD_S)]
+
+
 def _recording(robot, number, speed, positions, moving):
     table = robot.tables[SERVO]
     rows = []
