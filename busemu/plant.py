@@ -57,6 +57,8 @@ class DriveCommand:
     goal_velocity_rad_s: Final[float] = 0.0  #: used in VELOCITY mode
     goal_duty: Final[float] = 0.0  #: -1 to 1, used in PWM mode
     velocity_limit_rad_s: Final[float] = math.inf  #: moving speed or profile velocity in POSITION
+    #: goal acceleration or profile acceleration, in POSITION and VELOCITY
+    acceleration_limit_rad_s2: Final[float] = math.inf
     duty_limit: Final[float] = 1.0  #: torque limit, 0 to 1
     gain_cw_per_rad: Final[float] = 0.0
     gain_ccw_per_rad: Final[float] = 0.0
@@ -142,10 +144,10 @@ class IdealPlant:
     """A first-order servo without load: the bus can be tried with no engine installed.
 
     Each enabled servo approaches its goal with the time constant ``lag_s``, never faster than its
-    velocity limit. It has no inertia, no load and no temperature; duty is the position law's own.
-    The motion since a command is known in closed form, so nothing is computed until a servo is
-    looked at, and how often that is changes nothing. ``voltage_v`` [V] is the supply, of all servos
-    or by ID.
+    velocity limit; of a limit of acceleration it knows nothing. It has no inertia, no load and no
+    temperature; duty is the position law's own. The motion since a command is known in closed form,
+    so nothing is computed until a servo is looked at, and how often that is changes nothing.
+    ``voltage_v`` [V] is the supply, of all servos or by ID.
     """
 
     def __init__(

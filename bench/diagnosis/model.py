@@ -313,6 +313,22 @@ class JointModel:
         duty: Floats = batch.regulate([self.candidate(found, z, r)], [0], [angles])[0]
         return duty
 
+    def between(self, r: int, t_s: Floats) -> Floats:
+        """How far a duty may be off, at some instants, as angles are known now and then only.
+
+        Between two reads a joint is taken to move evenly; it is an eighth of what its way is bent
+        by, from read to read, off that.
+        """
+        observed = self.observed[r]
+        angles = good(observed)
+        bent = np.abs(np.diff(angles, 2, prepend=angles[:1], append=angles[-1:])) / 8.0
+        around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
+        start = observed.replay.start
+        gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
+        times = observed.position.t_s[observed.position.good]
+        off: Floats = gain * np.interp(t_s, times, around)
+        return off
+
     def floors(self) -> Mapping[Kind, float]:
         """The least white deviation of every kind that was observed: its register's rounding."""
         floors: dict[Kind, float] = {}

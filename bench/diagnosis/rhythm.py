@@ -55,7 +55,7 @@ class Register:
     t_s: Floats
     value: Floats
     duty: Floats  #: of the law, every FINE_S
-    deviation: float
+    deviation: Floats  #: of the law along angles that are known now and then only
     quantum: float
 
     def off(self, age_s: Floats | float) -> Floats:
@@ -172,4 +172,5 @@ def _register(model: JointModel, found: Fit, r: int) -> Register | None:
     deviation = max(float(np.median(np.abs(off))) / 0.6745, samples.quantum)
     if len(t_s) < LEAST_READS:
         return None
-    return Register(t_s, value, duty, deviation, samples.quantum)
+    deviations = np.hypot(deviation, model.between(r, t_s))
+    return Register(t_s, value, duty, deviations, samples.quantum)

@@ -20,6 +20,7 @@ from .knobs import Knob
 #: effects that no walk shows, that nobody tells from another, or of the reading of a register
 OUTSIDE = frozenset(
     {
+        "acceleration_limit",
         "back_emf",
         "encoder_nonlinearity",
         "gear_spring",

@@ -20,7 +20,9 @@ SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two n
 WAVES = "periods"  #: number of an effect that is a wave, which ends where nothing is one any more
 LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
 PACE = "velocity_limit"  #: an effect that is a limit of how fast a goal moves
-FASTER = 1.5  #: times its speed without load, beyond which a servo's goals are not limited; assumed
+SWING = "acceleration_limit"  #: the same of how fast that changes
+#: times what a servo is capable of without load, beyond which its goals are not limited; assumed
+FASTER = 1.5
 #: times a limit, beyond which a duty denies it (a fit is not exact), and in how many samples
 BEYOND, SAMPLES = 1.04, 5
 BEHIND = 0.5  #: of the gain of a name taken back that another must have, to take its place
@@ -33,8 +35,8 @@ def objection(
     why = _implausible(model, found, gain.effect)
     if why is None and gain.effect == LIMITS:
         why = _shown_beyond(model, found)
-    if why is None and gain.effect == PACE:
-        why = _never_reached(model, found)
+    if why is None and gain.effect in (PACE, SWING):
+        why = _never_reached(model, found, gain.effect)
     if why is not None:
         return why
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
@@ -89,18 +91,20 @@ def _shown_beyond(model: JointModel, found: Fit) -> str | None:
     )
 
 
-def _never_reached(model: JointModel, found: Fit) -> str | None:
+def _never_reached(model: JointModel, found: Fit, effect: str) -> str | None:
     """That goals may move faster than the servo could follow, so that no limit is seen."""
     count = len(model.nuisances)
     knobs = zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True)
-    (limit,) = (knob.value(z) for knob, z in knobs if knob.effect == PACE)
-    drive = model.base.joints[model.index].drive
-    able = drive.no_load_velocity_rad_s(model.base.supply.voltage_v)
+    (limit, unit) = next((k.value(z), k.parameter.unit) for k, z in knobs if k.effect == effect)
+    drive, voltage_v = model.base.joints[model.index].drive, model.base.supply.voltage_v
+    able = drive.no_load_velocity_rad_s(voltage_v)
+    if effect == SWING:
+        able = drive.stall_torque_nm(voltage_v) / drive.rotor_inertia_kg_m2
     if limit < FASTER * able:
         return None
     return (
-        f"goals would move at {limit:.3g} rad/s, and the servo itself at {able:.3g} rad/s at most: "
-        "what is limited so little is where a firmware's ticks lie"
+        f"goals would move at {limit:.3g} {unit}, and the servo itself at {able:.3g} {unit} at "
+        "most: what is limited so little is where a firmware's ticks lie"
     )
 
 

@@ -39,6 +39,7 @@ class JointWheel:
         self._stall_current_a = float(drive.get("stall_current_a", math.inf))
         self._load_refresh_s = float(drive.get("load_refresh_s", 0.0))
         self._load_sign = float(drive.get("load_sign", 1.0))
+        self._acceleration_needs_speed = bool(drive.get("acceleration_needs_speed", False))
         self._load_due_s = 0.0
         self._power_s = 0.0
         self.quick = self._sensors()
@@ -85,10 +86,19 @@ class JointWheel:
             goal_velocity_rad_s=speed,
             goal_duty=self._goal_duty() if mode is OperatingMode.PWM else 0.0,
             velocity_limit_rad_s=abs(speed) if speed else math.inf,
+            acceleration_limit_rad_s2=self._acceleration_rad_s2(speed, mode),
             duty_limit=min(1.0, memory.si("torque_limit")),
             punch_duty=memory.si("punch"),
             **gains,
         )
+
+    def _acceleration_rad_s2(self, speed_rad_s: float, mode: OperatingMode) -> float:
+        """``goal_acceleration``; none at 0, nor where an MX has no speed to reach (e-manual)."""
+        memory = self._memory
+        if not memory.has("goal_acceleration") or not memory["goal_acceleration"]:
+            return math.inf
+        needed = mode is OperatingMode.POSITION and self._acceleration_needs_speed
+        return math.inf if needed and not speed_rad_s else memory.si("goal_acceleration")
 
     def _goal_rad(self, mode: OperatingMode) -> float:
         memory = self._memory

@@ -3,8 +3,10 @@
 The e-manual's words and rules throughout: ``operating_mode``, ``drive_mode``, ``homing_offset``,
 limits, profile, ``bus_watchdog``, ``moving_status``. Positions are counts of the position register.
 What the drive cannot be told by :class:`~busemu.plant.DriveCommand` has no effect on the motion:
-the acceleration of a profile (the trajectory registers show it), the gains of velocity mode and of
-feedforward. A current becomes the duty that brings it at standstill (assumed).
+the gains of velocity mode and of feedforward, and in velocity mode an acceleration that is given as
+a time; nor is there the manual's control of jerk. A goal that changes on the way is gone to from
+the speed there is; the trajectory registers begin anew from where they are. A current becomes the
+duty that brings it at standstill (assumed).
 """
 
 from __future__ import annotations
@@ -133,6 +135,7 @@ class OperatingModes:
             goal_velocity_rad_s=sign * memory.si("goal_velocity") if mode == VELOCITY else 0.0,
             goal_duty=sign * duty,
             velocity_limit_rad_s=self._profile.velocity * self._step_rad,
+            acceleration_limit_rad_s2=self._acceleration_rad_s2(),
             duty_limit=min(1.0, limit),
             gain_cw_per_rad=proportional,
             gain_ccw_per_rad=proportional,
@@ -141,6 +144,16 @@ class OperatingModes:
             derivative_gain_s_per_rad=memory["position_d_gain"]
             * float(drive["position_d_gain_duty_s_per_rad"]),
         )
+
+    def _acceleration_rad_s2(self) -> float:
+        """Of the profile; in velocity mode of the register itself, in others there is none."""
+        memory = self._memory
+        if self._mode in POSITION_MODES:
+            return self._profile.acceleration * self._step_rad
+        timed = self._drive_mode(TIME_BASED, "time_profile_since")
+        if self._mode != VELOCITY or timed or not memory["profile_acceleration"]:
+            return math.inf
+        return memory.si("profile_acceleration")
 
     def _current_duty(self) -> float:
         """The duty, -1 to 1, that stands for ``goal_current``."""

@@ -92,7 +92,15 @@ REGISTER: Mapping[str, Rule] = MappingProxyType(
 DRIVE: Mapping[str, Rule] = MappingProxyType(
     {
         **dict.fromkeys(("law", "eeprom_locked_by", "shutdown_cuts"), TEXT),
-        **dict.fromkeys(("shutdown_latches", "speed_zero_is_unlimited", "clears_errors"), TRUTH),
+        **dict.fromkeys(
+            (
+                "shutdown_latches",
+                "speed_zero_is_unlimited",
+                "acceleration_needs_speed",
+                "clears_errors",
+            ),
+            TRUTH,
+        ),
         **dict.fromkeys(
             (
                 *("p_gain_duty_per_rad", "i_gain_duty_per_rad_s", "d_gain_duty_s_per_rad"),

@@ -29,6 +29,7 @@ def command_column(command: DriveCommand) -> Array:
     column[kernel.GOAL_VELOCITY] = command.goal_velocity_rad_s
     column[kernel.GOAL_DUTY] = command.goal_duty
     column[kernel.VELOCITY_LIMIT] = command.velocity_limit_rad_s
+    column[kernel.ACCELERATION_LIMIT] = command.acceleration_limit_rad_s2
     column[kernel.DUTY_LIMIT] = min(1.0, max(0.0, command.duty_limit))
     column[kernel.GAIN_CW] = command.gain_cw_per_rad
     column[kernel.GAIN_CCW] = command.gain_ccw_per_rad

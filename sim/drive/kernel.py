@@ -87,7 +87,8 @@ OVERLOAD_TIME = 42  #: how long until the drive shuts down [s]
 TORQUE_DROOP = 43  #: how far torque falls behind the current as that grows [1/A]
 PUNCH_LEFT_OUT = 44  #: share of the command's punch that is left out of the duty
 BREAKAWAY = 45  #: angle by which friction gives way before it slips [rad]
-PARAMS = 46
+ACCELERATION_CAP = 46  #: acceleration limit nobody set [rad/s^2], infinite is none
+PARAMS = 47
 FALLING = (  #: those of friction that falls with velocity
     STRIBECK,
     LOAD_MOTOR_STRIBECK,
@@ -111,7 +112,8 @@ MARGIN_CCW = 10
 PUNCH = 11
 INTEGRAL_GAIN = 12
 DERIVATIVE_GAIN = 13
-COMMANDS = 14
+ACCELERATION_LIMIT = 14
+COMMANDS = 15
 
 MODE_POSITION = 0.0
 MODE_VELOCITY = 1.0
@@ -121,10 +123,10 @@ MODE_PWM = 2.0
 ROTOR_POSITION = 0  #: seen at the output [rad]
 ROTOR_VELOCITY = 1  #: seen at the output [rad/s]
 DUTY = 2  #: held from tick to tick, -1 to 1
-RAMP = 3  #: the goal as the velocity limit lets it move [rad]
+RAMP = 3  #: the goal as the limits of velocity and acceleration let it move [rad]
 INTEGRAL = 4  #: of the position error, as duty
 LAST_POSITION = 5  #: as sensed at the last tick [rad]
-WAS_REGULATING = 6  #: 1 when the last tick ran the position law
+WAS_REGULATING = 6  #: 1 when the last tick ran the position law, 2 the velocity law
 HEAT = 7  #: winding over ambient [K]
 TORQUE = 8  #: output shaft on its load, mean over the last call [N m]
 CURRENT = 9  #: motor current, mean over the last call [A]
@@ -132,7 +134,8 @@ VOLTAGE = 10  #: at the terminals during the last call [V]
 WINDING_HEAT = 11  #: winding over case [K]
 OVERLOADED = 12  #: for how long [s]; negative once it has shut down
 BENT = 13  #: how far friction has given way, towards positive velocities [rad]
-STATES = 14
+PACE = 14  #: how fast the goal moves where its acceleration has a limit, else infinite [rad/s]
+STATES = 15
 
 # --- supplies: supplies[field, group]
 SUPPLY_VOLTAGE = 0  #: without load [V]
@@ -306,20 +309,51 @@ def gear_torque(t: Train, twist: float, twist_rate: float) -> float:
 
 
 @inlined
+def hurry(arrays: Arrays, i: int, position: float, velocity: float, tick_s: float) -> None:
+    """How fast a goal moves in the tick to come, where there is a limit of its acceleration.
+
+    It brakes in time; one that is changed on the way is gone to from the speed there is. A servo
+    that was not at it before starts from its sensed ``position``, or from its ``velocity``.
+    """
+    states, commands, params = arrays.states, arrays.commands, arrays.params
+    swing = min(commands[ACCELERATION_LIMIT, i], params[ACCELERATION_CAP, i]) * tick_s
+    if swing == math.inf:
+        states[PACE, i] = math.inf
+        return
+    if commands[MODE, i] == MODE_VELOCITY:
+        pace = states[PACE, i] if states[WAS_REGULATING, i] == 2.0 else velocity
+        wanted = commands[GOAL_VELOCITY, i]
+    else:
+        going = states[WAS_REGULATING, i] == 1.0
+        pace = states[PACE, i] if going else 0.0
+        ahead = commands[GOAL_POSITION, i] - (states[RAMP, i] if going else position)
+        way = abs(ahead) / tick_s
+        # the pace from which so many ticks, each slower by a swing than the one before, end there
+        ticks = max(1.0, math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * way / swing) - 1.0)))
+        stopping = way / ticks + 0.5 * swing * (ticks - 1.0)
+        limit = min(commands[VELOCITY_LIMIT, i], params[VELOCITY_CAP, i])
+        wanted = math.copysign(min(limit, stopping), ahead)
+    pace = pace if pace < math.inf else 0.0
+    states[PACE, i] = min(pace + swing, max(pace - swing, wanted))
+
+
+@inlined
 def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> float:
     """Duty of the position law at one tick, before the duty limit; moves ramp and integral."""
     states, commands = arrays.states, arrays.commands
     # both are read: a row that depends on the error could not be read for many lanes at once
     cw_gain, cw_margin = commands[GAIN_CW, i], commands[MARGIN_CW, i]
     ccw_gain, ccw_margin = commands[GAIN_CCW, i], commands[MARGIN_CCW, i]
-    if states[WAS_REGULATING, i] == 0.0:
+    if states[WAS_REGULATING, i] != 1.0:
         states[RAMP, i] = position
         states[INTEGRAL, i] = 0.0
         states[LAST_POSITION, i] = position
     params = arrays.params
     reach = min(commands[VELOCITY_LIMIT, i], params[VELOCITY_CAP, i]) * tick_s
     ahead = commands[GOAL_POSITION, i] - states[RAMP, i]
-    if ahead > reach:
+    if states[PACE, i] < math.inf:
+        states[RAMP, i] += states[PACE, i] * tick_s
+    elif ahead > reach:
         states[RAMP, i] += reach
     elif ahead < -reach:
         states[RAMP, i] -= reach
@@ -358,7 +392,7 @@ def sense(params: Array, i: int, position: float) -> float:
 def control_one(arrays: Arrays, i: int, sensed: float, velocity: float, tick_s: float) -> None:
     """One tick of one servo's firmware: sets the duty that holds until the next tick.
 
-    ``sensed`` is what :func:`sense` makes of the shaft's angle.
+    ``sensed`` is what :func:`sense` makes of the shaft's angle; :func:`hurry` comes before it.
     """
     params, states, commands = arrays.params, arrays.states, arrays.commands
     if params[SENSOR_STEP, i] > 0.0:
@@ -372,9 +406,10 @@ def control_one(arrays: Arrays, i: int, sensed: float, velocity: float, tick_s: 
         duty = position_law(arrays, i, sensed, tick_s)
         regulating = 1.0
     elif mode == MODE_VELOCITY:
-        goal = commands[GOAL_VELOCITY, i]
+        goal = states[PACE, i] if states[PACE, i] < math.inf else commands[GOAL_VELOCITY, i]
         duty = goal / params[VELOCITY_SCALE, i]
         duty += params[VELOCITY_GAIN, i] * (goal - velocity)
+        regulating = 2.0
     else:
         duty = commands[GOAL_DUTY, i]
     limit = min(commands[DUTY_LIMIT, i], params[DUTY_CAP, i])
@@ -404,7 +439,9 @@ def control(arrays: Arrays, position: Array, velocity: Array, tick_s: float) -> 
     ``position`` [rad] and ``velocity`` [rad/s] are those of the output shafts at the tick.
     """
     for i in range(position.size):
-        control_one(arrays, i, sense(arrays.params, i, position[i]), velocity[i], tick_s)
+        sensed = sense(arrays.params, i, position[i])
+        hurry(arrays, i, sensed, velocity[i], tick_s)
+        control_one(arrays, i, sensed, velocity[i], tick_s)
 
 
 @inlined

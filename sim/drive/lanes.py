@@ -43,6 +43,7 @@ from .kernel import (
     friction,
     friction_level,
     gear_torque,
+    hurry,
     motor_current,
     motor_torque,
     sense,
@@ -257,6 +258,7 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
                 weigh(jobs, number[k], k, now, lanes)
             shaft = loads[SHAFT_POSITION, k]
             lanes[TICK_SENSED, k] = sense(params, k, shaft)
+            hurry(arrays, k, lanes[TICK_SENSED, k], loads[SHAFT_VELOCITY, k], tick_s)
         for k in range(at.shape[1]):  # LANES; told so, the compiler would write out all sixteen
             lanes[TICK_SINE, k], lanes[TICK_COSINE, k] = sine_cosine(loads[SHAFT_POSITION, k])
         for k in range(LANES):
@@ -490,6 +492,7 @@ def regulate_one(
             span = max(jobs.samples[seen] - jobs.samples[seen - 1], 1e-6)
             pace = (angle - sensed[job, seen - 1 - first]) / span
             angle -= pace * (jobs.samples[seen] + skew - now)
+        hurry(arrays, k, angle, pace, tick_s)
         control_one(arrays, k, angle, pace, tick_s)
         tick += 1
         while seen < last - 1 and jobs.samples[seen] + skew <= tick * tick_s:

@@ -119,6 +119,7 @@ class DriveParameters:
     breakaway_rad: float = 0.0
     integral_more_per_rad_s: float = 0.0
     velocity_cap_rad_s: float = math.inf
+    acceleration_cap_rad_s2: float = math.inf
     duty_cap: float = 1.0
     current_cap_a: float = math.inf
     torque_droop_per_a: float = 0.0
@@ -211,6 +212,7 @@ _FIELDS = {
     "breakaway_rad": kernel.BREAKAWAY,
     "integral_more_per_rad_s": kernel.INTEGRAL_MORE,
     "velocity_cap_rad_s": kernel.VELOCITY_CAP,
+    "acceleration_cap_rad_s2": kernel.ACCELERATION_CAP,
     "duty_cap": kernel.DUTY_CAP,
     "current_cap_a": kernel.CURRENT_CAP,
     "torque_droop_per_a": kernel.TORQUE_DROOP,

@@ -143,3 +143,19 @@ def test_speed_of_the_mx_12w_has_its_own_unit() -> None:
     servo = OneServo("MX-12W")
     servo.set(moving_speed=300)
     assert servo.command.velocity_limit_rad_s == pytest.approx(274.8 * math.pi / 30)
+
+
+def test_goal_acceleration_of_an_mx_needs_a_speed() -> None:
+    servo = OneServo("MX-28", at_count=1000)
+    servo.set(torque_enable=1, goal_position=2000, goal_acceleration=10)
+    assert servo.command.acceleration_limit_rad_s2 == math.inf
+    servo.set(moving_speed=100)
+    assert servo.command.acceleration_limit_rad_s2 == pytest.approx(math.radians(85.83))
+    servo.set(goal_acceleration=0)
+    assert servo.command.acceleration_limit_rad_s2 == math.inf
+
+
+def test_goal_acceleration_of_an_sts3215_needs_none() -> None:
+    servo = OneServo("STS3215", at_count=1000)
+    servo.set(torque_enable=1, goal_position=2000, goal_acceleration=50)
+    assert servo.command.acceleration_limit_rad_s2 == pytest.approx(5000 * 2 * math.pi / 4096)

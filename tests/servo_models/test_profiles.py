@@ -93,10 +93,15 @@ def test_new_profile_starts_where_the_old_one_is() -> None:
     assert 0 < servo.get("position_trajectory") < before
 
 
-def test_acceleration_shows_in_the_trajectory() -> None:
+def test_the_acceleration_limits_the_drive_and_shows_in_the_trajectory() -> None:
     servo = OneServo("XM430-W350", at_count=0)
-    servo.set(torque_enable=1, profile_acceleration=10, profile_velocity=150, goal_position=4000)
+    servo.set(torque_enable=1, profile_acceleration=10, goal_position=3000)
+    assert (
+        servo.command.acceleration_limit_rad_s2 == math.inf
+    )  # without a speed there is no profile
+    servo.set(profile_velocity=150, goal_position=4000)
     acceleration = 10 * 214.577 * 2 * math.pi / 3600
+    assert servo.command.acceleration_limit_rad_s2 == pytest.approx(acceleration)
     servo.sleep(0.2)
     assert servo.get("velocity_trajectory") * VELOCITY == pytest.approx(
         0.2 * acceleration, abs=0.02
@@ -106,6 +111,15 @@ def test_acceleration_shows_in_the_trajectory() -> None:
     assert servo.get("moving_status") >> 4 == TRIANGULAR
     servo.set(torque_enable=0)
     assert servo.get("position_trajectory") == servo.get("present_position")
+
+
+def test_the_acceleration_in_velocity_mode_is_the_register_s() -> None:
+    servo = OneServo("XM430-W350", at_count=0)
+    servo.set(operating_mode=1)
+    servo.set(torque_enable=1, goal_velocity=100)
+    assert servo.command.acceleration_limit_rad_s2 == math.inf
+    servo.set(profile_acceleration=20)
+    assert servo.command.acceleration_limit_rad_s2 == pytest.approx(20 * 214.577 * math.pi / 1800)
 
 
 def test_time_based_profile_takes_the_time_that_is_set() -> None:

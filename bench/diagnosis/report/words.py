@@ -11,6 +11,7 @@ from sim.effects import catalogue
 #: what an effect is, for a reader who does not know its name; others are told by their equation
 MEANINGS: Mapping[str, str] = MappingProxyType(
     {
+        "acceleration_limit": "a limit of how fast the speed changes",
         "back_emf": "a motor that turns faster or slower at no load than believed",
         "backlash": "play between the teeth of the gear",
         "cable_drag": "a cable that pulls on the joint",

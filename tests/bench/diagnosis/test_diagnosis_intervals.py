@@ -236,12 +236,20 @@ def test_a_limit_of_the_duty_that_its_register_shows_more_than_is_denied():
         assert "shows up to 0.4" in why
 
 
-def test_a_limit_of_speed_beyond_what_a_servo_can_is_none():
-    (knob,) = effect_knobs(effect("velocity_limit"))
-    for limit, speaks in ((36.0, True), (9.0, False)):  # an XL330 turns at 10.8 rad/s
-        model, found = with_numbers("velocity_limit", [knob.at(limit)])
-        why = objection(model, found, gain_of("velocity_limit", found), EVERY)
-        assert (why is not None) is speaks
+@pytest.mark.parametrize(
+    ("name", "limit", "speaks"),
+    [
+        ("velocity_limit", 36.0, True),  # an XL330 turns at 10.8 rad/s
+        ("velocity_limit", 9.0, False),
+        ("acceleration_limit", 900.0, True),  # its rotor takes 0.52 N m to some 300 rad/s^2
+        ("acceleration_limit", 60.0, False),
+    ],
+)
+def test_a_limit_of_goals_beyond_what_a_servo_can_is_none(name, limit, speaks):
+    (knob,) = effect_knobs(effect(name))
+    model, found = with_numbers(name, [knob.at(limit)])
+    why = objection(model, found, gain_of(name, found), EVERY)
+    assert (why is not None) is speaks
 
 
 def test_a_limit_is_not_denied_where_no_register_of_the_duty_was_read():

@@ -4,10 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pendulum_logs import JOINT, robot
+from pendulum_logs import JOINT, logs, robot
 
-from bench.diagnosis.observed import Channel
+from bench.diagnosis.model import JointModel
+from bench.diagnosis.observed import Channel, observe
 from bench.diagnosis.rhythm import Register, denied, short_refresh
+from sim.drive import kernel
+from sim.model import read_model
 from sim.stepped import TICK_S
 
 READ_S, COUNT, STEP = 0.0053, 900, 1.0 / 885.0
@@ -41,6 +44,10 @@ class Model:
     def law(self, found, z, r, every_s):
         t_s = np.arange(0.0, self.observed[r].channels[Channel.DUTY].t_s[-1] + every_s, every_s)
         return law(t_s)
+
+    def between(self, r, t_s):
+        """Reads are as dense as motions want them."""
+        return np.zeros(len(t_s))
 
 
 FOUND = SimpleNamespace(hypothesis=None, z=None)
@@ -94,3 +101,27 @@ def test_a_register_that_jumps_twice_within_a_period_does_not_have_it():
     assert not denied([moves], 0.15)
     assert not denied([held], 0.25)
     assert not denied([held, held, held, register([*rest, 0.2, 0.4])], 0.25)
+
+
+class Unsure(Model):
+    """Reads so far apart that nobody knows the duty between them."""
+
+    def between(self, r, t_s):
+        return np.full(len(t_s), 0.05)
+
+
+def test_a_law_that_is_not_known_between_reads_shows_no_period():
+    observed = [recorded(0.00257, seed=k, phase=0.1 + 0.2 * k) for k in range(3)]
+    assert short_refresh(Model(observed), FOUND) is not None
+    assert short_refresh(Unsure(observed), FOUND) is None
+
+
+def test_a_law_is_as_far_off_between_reads_as_motions_are_bent():
+    told = observe(logs(motions=["slow"], duration_s=1.0), robot(), JOINT)
+    model = JointModel(read_model(robot()), robot(), told)
+    (one,) = told
+    times = one.position.t_s
+    gain = max(one.replay.start[kernel.GAIN_CW], one.replay.start[kernel.GAIN_CCW])
+    for angles, wanted in ((2.0 * times, 0.0), (3.0 * times**2, gain * 6.0 * 0.01**2 / 8.0)):
+        one.position.value[:] = angles
+        assert model.between(0, times[5:-5]) == pytest.approx(wanted, rel=0.05, abs=1e-9)

@@ -28,6 +28,8 @@ from one_joint_rigs import (
 )
 from scipy.optimize import brentq
 
+from busemu.plant import DriveCommand, OperatingMode
+from busemu.servo.profile import by_velocity
 from sim.drive import kernel, lanes
 from sim.drive.parameters import DriveParameters, Friction
 from sim.effects import effect
@@ -132,6 +134,56 @@ def test_the_slower_of_two_velocity_limits_holds() -> None:
     own = regulated(having("gain_error"), told, still)
     assert (regulated(having("velocity_limit", limit_rad_s=0.5), told, still) == own).all()
     assert regulated(having("velocity_limit", limit_rad_s=0.2), told, still)[-1] < own[-1]
+
+
+@pytest.mark.parametrize("step", [0.15, -0.4])
+@pytest.mark.parametrize("speed", [0.4, 100.0])
+def test_acceleration_limit(speed: float, step: float) -> None:
+    """A trapezoid or a triangle of speed, as the manual has it, and nothing beyond the goal."""
+    limit = 5.0
+    told = replay(regulating(step, 1.0, velocity_limit_rad_s=speed), duration_s=1.5)
+    still = np.zeros(len(told.samples))
+    duty = regulated(having("acceleration_limit", limit_rad_s2=limit), told, still)
+    plan = by_velocity(0.0, step, 0.0, speed, limit)
+    way = np.array([plan.at(k * TICK_S)[0] for k in range(len(duty))])
+    tick = plan.velocity * TICK_S
+    assert duty == pytest.approx(way, abs=2.0 * tick)
+    assert duty[-1] == pytest.approx(step, rel=1e-9)
+    assert np.abs(duty).max() <= abs(step) * (1.0 + 1e-9)
+
+
+def test_a_goal_that_is_changed_on_the_way_is_gone_to_from_the_speed_there_is() -> None:
+    limit = 5.0
+    told = replay(regulating(0.0, 1.0), goals([0.1, 0.3], [1.0, -0.2]), duration_s=2.0)
+    one = having("acceleration_limit", limit_rad_s2=limit)
+    way = regulated(one, told, np.zeros(len(told.samples)))
+    changes = np.diff(way, 2) / TICK_S**2
+    assert np.abs(changes).max() <= limit * (1.0 + 1e-6)
+    assert way.max() == pytest.approx(0.5 * limit * 0.2**2 * 2.0, rel=0.02)  # up, and to a stop
+    assert way[-1] == pytest.approx(-0.2)
+
+
+def test_the_lesser_of_two_acceleration_limits_holds() -> None:
+    told = replay(regulating(0.5, acceleration_limit_rad_s2=3.0), duration_s=0.2)
+    still = np.zeros(201)
+    own = regulated(having("gain_error"), told, still)
+    assert own[-1] == pytest.approx(GAIN_PER_RAD * 0.5 * 3.0 * 0.2**2, rel=0.02)
+    assert (regulated(having("acceleration_limit", limit_rad_s2=4.0), told, still) == own).all()
+    assert regulated(having("acceleration_limit", limit_rad_s2=2.0), told, still)[-1] < own[-1]
+
+
+def test_a_velocity_is_reached_with_no_more_than_the_acceleration_limit() -> None:
+    limit, goal = 6.0, 1.5
+    command = DriveCommand(
+        torque_enable=True, operating_mode=OperatingMode.VELOCITY, goal_velocity_rad_s=goal
+    )
+    told = replay(command, duration_s=0.5)
+    still = np.zeros(len(told.samples))
+    jump = regulated(having("gain_error"), told, still)
+    ramp = regulated(having("acceleration_limit", limit_rad_s2=limit), told, still)
+    t = np.arange(1, len(ramp) + 1) * TICK_S
+    assert ramp == pytest.approx(jump * np.minimum(1.0, limit * t / goal), abs=0.01 * jump[-1])
+    assert ramp[-1] == jump[-1]
 
 
 @pytest.mark.parametrize("error", [-1.0, 0.01, 1.0])

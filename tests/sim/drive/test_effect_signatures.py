@@ -48,6 +48,7 @@ MOVES: Mapping[str, set[str]] = {
     "gain_error": {P, D, R},
     "integral_action": {P, D, R},
     "velocity_limit": {P, D, R},
+    "acceleration_limit": {P, D, R},
     "torque_limit": {P, D, R},
     "transport_delay": {P, D, R},
     "overload_shutdown": {P, D, R},
