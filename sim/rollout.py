@@ -37,7 +37,9 @@ class Replay:
     ``events`` (n, 3): time, field of :mod:`sim.drive.kernel` (commands, or from
     ``lanes.SUPPLY_EVENT`` on supplies), value; ``samples`` (m,), both ascending. ``start`` is the
     column of commands at the beginning, ``position_rad`` and ``velocity_rad_s`` those of the output
-    shaft.
+    shaft. ``held_rad`` is a goal that was in force before; without one the position law begins with
+    the replay, and a goal whose speed is limited starts where the joint is. ``rests``: the gear
+    carries the load from the beginning; else it is not twisted then.
     """
 
     start: Array
@@ -45,6 +47,8 @@ class Replay:
     samples: Array
     position_rad: float
     velocity_rad_s: float = 0.0
+    held_rad: float | None = None
+    rests: bool = False
 
     @property
     def end_s(self) -> float:
@@ -209,7 +213,11 @@ class Batch:
             loads[j, lanes.LOAD_INERTIA] = c.load.inertia_kg_m2
             shown = replay.position_rad + c.start_offset_rad
             loads[j, lanes.SHAFT_POSITION] = shaft_at(c.drive, shown)
+            if replay.held_rad is not None:
+                _hold(rows[j], replay.held_rad, shown)
             loads[j, lanes.SHAFT_VELOCITY] = replay.velocity_rad_s
+            if replay.rests:
+                loads[j, lanes.TWIST] = _hanging(c, loads[j, lanes.SHAFT_POSITION])
             loads[j, lanes.SAMPLE_SKEW] = c.skew_s + c.late_s
             loads[j, lanes.DUTY_REFRESH] = c.load_refresh_s
             loads[j, lanes.DUTY_PHASE] = c.load_phase_s
@@ -275,6 +283,28 @@ class Batch:
         parts = max(1, min(count, 2 * self._threads))
         ends = [count * k // parts for k in range(parts + 1)]
         return list(itertools.pairwise(ends))
+
+
+def _hanging(candidate: Candidate, shaft_rad: float) -> float:
+    """How far the rotor leads the shaft of a joint at rest [rad]: its load hangs on the gear.
+
+    Near where it hangs by itself, nearer than the play is wide, the load may be between the flanks.
+    """
+    drive, load = candidate.drive, candidate.load
+    pull = load.cosine_nm[0] * math.cos(shaft_rad) - load.sine_nm[0] * math.sin(shaft_rad)
+    half = 0.5 * float(drive[kernel.BACKLASH])
+    swing = load.moment_nm * half  # what gravity changes by over the play
+    part = min(1.0, max(-1.0, float(pull) / swing)) if swing > 0.0 else 0.0
+    return -part * half - float(pull) / float(drive[kernel.GEAR_STIFFNESS])
+
+
+def _hold(row: Array, goal_rad: float, shown_rad: float) -> None:
+    """Have a job's position law be at a goal when it begins, where the servo shows an angle."""
+    states = row[lanes.OF_STATES : lanes.OF_COMMANDS]
+    row[lanes.OF_COMMANDS + kernel.GOAL_POSITION] = states[kernel.RAMP] = goal_rad
+    step = float(row[kernel.SENSOR_STEP])
+    last = math.floor(shown_rad / step + 0.5) * step if step > 0.0 else shown_rad
+    states[kernel.LAST_POSITION], states[kernel.WAS_REGULATING] = last, 1.0
 
 
 def shaft_at(drive: Array, shown_rad: float) -> float:

@@ -103,6 +103,8 @@ class Observed:
         told += [
             replay.position_rad,
             replay.velocity_rad_s,
+            replay.held_rad,
+            replay.rests,
             self.posture_rad,
             self.supplied,
             self.volts_s,

@@ -63,7 +63,8 @@ SHAFT_FRICTION = 3  #: Coulomb friction of the load's own bearing [N m]
 SAMPLE_SKEW = 4  #: angle and speed are of an instant this much later than their samples' [s]
 DUTY_REFRESH = 5  #: what a sample shows of the duty is made anew in this period [s], 0 is always
 DUTY_PHASE = 6  #: when that first happens [s]
-LOADS = 7
+TWIST = 7  #: of the rotor over the shaft at the start [rad]
+LOADS = 8
 
 # --- what a rollout gives of a sample: out[job, sample, channel]
 OUT_POSITION = 0  #: as the servo senses it, without quantisation [rad]
@@ -214,7 +215,7 @@ def begin(
         low = jobs.gravity_range[job]
         at[GRAVITIES, k] = jobs.gravity_range[job + 1] - low if end > 0.0 else 1
         lanes[COSINE, k], lanes[SINE, k] = jobs.gravity[low, 0], jobs.gravity[low, 1]
-        states[ROTOR_POSITION, k] = loads[SHAFT_POSITION, k]
+        states[ROTOR_POSITION, k] = loads[SHAFT_POSITION, k] + loads[TWIST, k]
         states[ROTOR_VELOCITY, k] = loads[SHAFT_VELOCITY, k]
         inertia, load_inertia = params[ROTOR_INERTIA, k], loads[LOAD_INERTIA, k]
         if rigid_gear(params, k):
