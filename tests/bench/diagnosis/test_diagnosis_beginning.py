@@ -1,12 +1,19 @@
 """A joint rests when a recording begins, unless the recording is plainly of one that moves."""
 
+from dataclasses import replace
+
+import numpy as np
 import pendulum_logs
 import pytest
-from pendulum_logs import JOINT, logs, robot
+from pendulum_logs import CONDITION, JOINT, POSITION, logs, recorded, robot
 
 from bench.diagnosis.beginning import begun
+from bench.diagnosis.knobs import effect_knobs
+from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
+from sim.effects import effect
 from sim.model import read_model
+from sim.rollout import Batch
 
 SPARSE_S = 0.036  #: of a bus that reads a servo's registers one after another
 
@@ -39,5 +46,57 @@ def test_what_dense_samples_tell_of_the_first_speed_is_believed(monkeypatch):
 
 def test_a_joint_that_rests_is_not_asked_about(monkeypatch):
     monkeypatch.setattr("bench.diagnosis.beginning.JointModel", None)
-    observed = observe(logs(motions=["slow"]), robot(), JOINT)
-    assert begun(read_model(robot()), robot(), observed) == observed
+    (observed,) = observe(logs(motions=["slow"]), robot(), JOINT)
+    (found,) = begun(read_model(robot()), robot(), [observed])
+    assert found.replay.rests
+    assert found.replay.held_rad is None
+    assert found.replay.velocity_rad_s == observed.replay.velocity_rad_s == 0.0
+
+
+GOAL_RAD, FIRST_RAD = 0.7, 0.5
+
+
+def aside(monkeypatch, *, held, limit_rad_s=None, seconds=1.0):
+    """A goal that never changes, and a joint that is aside of it in the beginning."""
+    monkeypatch.setitem(pendulum_logs.MOTIONS, "still", lambda _: GOAL_RAD)
+    draft = recorded("still", {POSITION: None}, seconds, CONDITION, "still")
+    (told,) = observe([draft], robot(), JOINT)
+    real = JointModel(read_model(robot()), robot(), [told])
+    knobs = effect_knobs(effect("velocity_limit")) if limit_rad_s else ()
+    z = np.append(np.zeros(len(real.nuisances)), [k.at(limit_rad_s) for k in knobs])
+    one = real.candidate(Hypothesis(knobs), z, 0)
+    first = FIRST_RAD if held is None else held
+    start = replace(told.replay, position_rad=first, held_rad=GOAL_RAD if held else None)
+    angle = Batch([start], 1).run([one], [0])[0][:, 0]
+    (seen,) = observe(
+        [recorded("still", {POSITION: angle}, seconds, CONDITION, "still")], robot(), JOINT
+    )
+    (found,) = begun(read_model(robot()), robot(), [seen])
+    return found.replay
+
+
+def at_rest(monkeypatch):
+    """Where the goal holds the joint."""
+    monkeypatch.setattr(pendulum_logs, "REST_S", 0.0)
+    monkeypatch.setitem(pendulum_logs.MOTIONS, "still", lambda _: GOAL_RAD)
+    (told,) = observe(
+        [recorded("still", {POSITION: None}, 4.0, CONDITION, "still")], robot(), JOINT
+    )
+    real = JointModel(read_model(robot()), robot(), [told])
+    one = real.candidate(Hypothesis(), np.zeros(len(real.nuisances)), 0)
+    start = replace(told.replay, position_rad=GOAL_RAD)
+    return float(Batch([start], 1).run([one], [0])[0][-1, 0])
+
+
+def test_a_joint_that_rests_aside_of_its_goal_was_held_there_before(monkeypatch):
+    rest = at_rest(monkeypatch)
+    assert abs(rest - GOAL_RAD) > 0.02
+    for limit in (None, 1.0):
+        begins = aside(monkeypatch, held=rest, limit_rad_s=limit)
+        assert begins.held_rad == pytest.approx(GOAL_RAD, abs=0.001)
+        assert begins.rests
+
+
+@pytest.mark.parametrize("limit_rad_s", [3.0, 0.5])
+def test_a_joint_that_sets_out_for_its_goal_was_not(limit_rad_s, monkeypatch):
+    assert aside(monkeypatch, held=None, limit_rad_s=limit_rad_s).held_rad is None
