@@ -28,9 +28,11 @@ from .observed import FIRST_S, FIRST_SAMPLES, STILL_QUANTA, Observed
 
 SHOWN_S = 0.3  #: of a recording in which a wrong beginning shows; assumed
 PLAINLY = 2.0  #: times the squared misfit that a beginning at rest must have, not to be believed
-#: after the beginning in which a first goal is written, and in which a joint that is held rests;
-#: and the share of the way to its goal that it may move in it; assumed
-EARLY_S, RESTS_S, RESTING = 0.05, 0.1, 0.3
+#: after the beginning, within which a goal is the first, as buses write before they read; assumed
+EARLY_S = 0.004
+#: after the beginning, in which a joint that is held rests, and the share of the way to its goal
+#: that it may move in it; assumed
+RESTS_S, RESTING = 0.1, 0.3
 BELIEVED = Hypothesis()
 LED = "velocity_limit"  #: an effect that keeps a goal that is new where the joint is, if it is slow
 

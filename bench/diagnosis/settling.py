@@ -43,7 +43,7 @@ NOTHING = "its size may as well be nothing"
 ALONE = "beside the others it gains nothing on recordings left out"
 BESIDE = "it explains little of a misfit of which much is left"
 FAINT = "it changes nothing by more than two sound simulations of one joint differ by"
-CONTRADICTED = "another register is nearer with it, and the motion itself is farther off"
+CONTRADICTED = "the motion is farther off with it, though other registers or its noise are likelier"
 #: reasons that hang on what else is in a hypothesis: beside another cause a name may hold
 HANGS = frozenset({BETTER, NOTHING, ALONE, BESIDE, FAINT, CONTRADICTED})
 

@@ -33,6 +33,14 @@ def test_a_joint_that_is_told_to_move_at_once_rests_at_first(monkeypatch):
     assert believed == 0.0
 
 
+def test_the_second_goal_of_a_slow_bus_was_not_in_force_before(monkeypatch):
+    monkeypatch.setattr(pendulum_logs, "REST_S", 0.0)
+    monkeypatch.setattr(pendulum_logs, "PACE_S", SPARSE_S)
+    observed = observe(logs(motions=["fast"]), robot(), JOINT)
+    (believed,) = begun(read_model(robot()), robot(), observed)
+    assert believed.replay.held_rad is None
+
+
 def test_a_joint_that_moves_in_the_beginning_is_not_at_rest(monkeypatch):
     told, believed = begins(SPARSE_S, -4.0, monkeypatch)
     assert told > 0.0  # of a line through samples that go back and forth
