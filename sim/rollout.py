@@ -292,6 +292,7 @@ def _hanging(candidate: Candidate, shaft_rad: float) -> float:
     """
     drive, load = candidate.drive, candidate.load
     pull = load.cosine_nm[0] * math.cos(shaft_rad) - load.sine_nm[0] * math.sin(shaft_rad)
+    pull += drive[kernel.CABLE_STIFFNESS] * (drive[kernel.CABLE_REST] - shaft_rad)
     half = 0.5 * float(drive[kernel.BACKLASH])
     swing = load.moment_nm * half  # what gravity changes by over the play
     part = min(1.0, max(-1.0, float(pull) / swing)) if swing > 0.0 else 0.0

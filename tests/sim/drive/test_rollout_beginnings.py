@@ -21,6 +21,7 @@ from one_joint_rigs import (
     run,
 )
 
+from sim.drive import kernel
 from sim.drive.parameters import Friction
 from sim.rollout import Candidate
 
@@ -55,6 +56,17 @@ def test_a_joint_that_rests_stays(angle_rad: float, play_rad: float) -> None:
     assert np.ptp(stays) < 2e-4
     deep = GRAVITY_NM * math.sin(abs(angle_rad)) / STIFF_NM_RAD + 0.5 * play_rad
     assert np.ptp(sinks) > 0.9 * deep
+
+
+def test_a_cable_pulls_at_the_gear_of_a_joint_that_rests_too() -> None:
+    pull_nm, stiffness = 0.2, 0.1
+    drive = on_a_gear(0.0).drive.copy()
+    drive[kernel.CABLE_STIFFNESS], drive[kernel.CABLE_REST] = stiffness, pull_nm / stiffness
+    one = replace(on_a_gear(0.0), drive=drive)
+    stall_nm = GRAVITY_NM * math.sin(1.0) / holding_duty(1.0)
+    told = replay(pushing(-pull_nm / stall_nm), position_rad=0.0, duration_s=0.3)
+    assert np.ptp(position(run(one, replace(told, rests=True)))) < 2e-4
+    assert np.ptp(position(run(one, told))) > 0.9 * pull_nm / STIFF_NM_RAD
 
 
 def test_a_load_that_hangs_by_itself_is_in_the_middle_of_its_play() -> None:
