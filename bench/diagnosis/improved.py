@@ -41,6 +41,8 @@ Floats = NDArray[np.float64]
 SHARED = (Scope.ROBOT, Scope.BUS)  #: scopes of what an arm has once
 ROUNDS, STEPS = 2, 4  #: of least squares, from a fit whose other numbers are where they belong
 FORETELLING = 6  #: of these rounds where positions are foretold: what was likely may be far off
+#: random beginnings there, a deviation of tolerances about the fit, and of sizes in their units
+BEGINNINGS, AROUND = 5, 0.3
 LEFT = frozenset(
     {"partly_explained", "unexplained"}
 )  #: verdicts where something structured is left
@@ -179,15 +181,38 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
 def _settled(
     found: JointFindings, model: JointModel, z: Floats, low: Floats, high: Floats
 ) -> Floats:
-    """Least squares within bounds, from a fit that had other ones, another gear or noise."""
+    """Least squares within bounds, from a fit that had other ones, another gear or noise.
+
+    Where positions are to be foretold, hollows are many: several beginnings are tried, the fit,
+    what was believed and some around the fit, and what comes nearest to the recordings goes on.
+    """
+    if not foretold(found):
+        return _descended(found, model, z, (low, high), ROUNDS)
+    chance, count = np.random.default_rng(0), len(model.nuisances)
+    spread = np.append(np.ones(count), np.full(len(z) - count, AROUND))
+    begun = [z, np.append(np.zeros(count), z[count:])]
+    begun += [z + spread * chance.standard_normal(len(z)) for _ in range(BEGINNINGS)]
+    ends = [_descended(found, model, np.clip(x, low, high), (low, high), ROUNDS) for x in begun]
+    best = min(ends, key=lambda x: _left(found, model, x))
+    return _descended(found, model, best, (low, high), FORETELLING)
+
+
+def _descended(
+    found: JointFindings, model: JointModel, z: Floats, box: tuple[Floats, Floats], rounds: int
+) -> Floats:
     hypothesis = found.after.hypothesis
-    for _ in range(FORETELLING if foretold(found) else ROUNDS):
+    for _ in range(rounds):
         blocks = model.residuals(hypothesis, [z])[0]
         noise = estimate_noise(model, blocks, found.after.noise)
         if foretold(found):
             noise[Kind.POSITION] = _white(blocks)
-        z = least_squares(model, hypothesis, z, noise, None, (low, high), STEPS)
+        z = least_squares(model, hypothesis, z, noise, None, box, STEPS)
     return z
+
+
+def _left(found: JointFindings, model: JointModel, z: Floats) -> float:
+    """Root mean square of what a vector leaves of the positions that are fitted [rad]."""
+    return block_rms(model.residuals(found.after.hypothesis, [z])[0], Kind.POSITION)
 
 
 def _white(blocks: Blocks) -> Noise:

@@ -308,6 +308,19 @@ def test_what_foretells_best_has_the_spring_that_the_emulator_has(half, monkeypa
     assert left[0] < left[1]
 
 
+def test_what_foretells_best_comes_of_several_beginnings(half, monkeypatch):
+    """A fit that ends in a hollow is not the end of it."""
+    model, after = half
+    strayed = replace(after, z=after.z + np.append(2.0 * np.ones(len(model.nuisances)), 0.0))
+    told = SimpleNamespace(causes=(), verdict="unexplained")
+    found = SimpleNamespace(model=model, after=strayed, diagnosis=told)
+    several = residual(with_spring(model), after.hypothesis, carried(found, {}))
+    monkeypatch.setattr("bench.diagnosis.improved.BEGINNINGS", 0)
+    assert several <= residual(with_spring(model), after.hypothesis, carried(found, {}))
+    monkeypatch.setattr("bench.diagnosis.improved._left", lambda *_: 0.0)  # the first, whatever
+    assert several < residual(with_spring(model), after.hypothesis, carried(found, {}))
+
+
 @pytest.mark.parametrize("state", ["dead", "pinned"])
 def test_a_number_that_recordings_cannot_show_is_not_in_the_better_model(
     state, tmp_path, monkeypatch
