@@ -8,11 +8,13 @@ import numpy as np
 
 from sim.effects import Effect, catalogue
 
+from .beginning import EARLY_S
 from .confidence import NORMAL
 from .fit import EDGE, Fit
 from .intervals import ENGINES_SHARE, Spread
 from .model import JointModel
-from .observed import Channel
+from .nuisances import LATE_S
+from .observed import Channel, Observed
 from .search import NUMBER_NATS, Gain, confirm, drop, screen
 
 PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
@@ -21,7 +23,7 @@ WAVES = "periods"  #: number of an effect that is a wave, which ends where nothi
 LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
 PACE = "velocity_limit"  #: an effect that is a limit of how fast a goal moves
 SWING = "acceleration_limit"  #: the same of how fast that changes
-#: times what a servo is capable of without load, beyond which its goals are not limited; assumed
+#: times what a servo is capable of, beyond which its goals' acceleration is not limited; assumed
 FASTER = 1.5
 #: times a limit, beyond which a duty denies it (a fit is not exact), and in how many samples
 BEYOND, SAMPLES = 1.04, 5
@@ -92,20 +94,29 @@ def _shown_beyond(model: JointModel, found: Fit) -> str | None:
 
 
 def _never_reached(model: JointModel, found: Fit, effect: str) -> str | None:
-    """That goals may move faster than the servo could follow, so that no limit is seen."""
+    """That a limit of how fast goals move limits nothing, if so: no step of one takes any time."""
     count = len(model.nuisances)
     knobs = zip(found.hypothesis.knobs, found.z[count:].tolist(), strict=True)
-    (limit, unit) = next((k.value(z), k.parameter.unit) for k, z in knobs if k.effect == effect)
+    limit = next(knob.value(z) for knob, z in knobs if knob.effect == effect)
+    if effect == PACE:
+        late_s = max(largest_step(one) for one in model.observed) / limit
+        if late_s >= LATE_S:
+            return None
+        return (
+            f"at {limit:.3g} rad/s no step of a goal takes longer than {1e3 * late_s:.2g} ms: "
+            "that is where a firmware's ticks lie"
+        )
     drive, voltage_v = model.base.joints[model.index].drive, model.base.supply.voltage_v
-    able = drive.no_load_velocity_rad_s(voltage_v)
-    if effect == SWING:
-        able = drive.stall_torque_nm(voltage_v) / drive.rotor_inertia_kg_m2
+    able = drive.stall_torque_nm(voltage_v) / drive.rotor_inertia_kg_m2
     if limit < FASTER * able:
         return None
-    return (
-        f"goals would move at {limit:.3g} {unit}, and the servo itself at {able:.3g} {unit} at "
-        "most: what is limited so little is where a firmware's ticks lie"
-    )
+    return f"it would be {limit:.3g} rad/s^2, and the servo itself is capable of {able:.3g} at most"
+
+
+def largest_step(observed: Observed) -> float:
+    """By how much a goal changes at once at most [rad]; what was first written is no change."""
+    times, goals = observed.goal
+    return float(np.max(np.abs(np.diff(goals)[times[1:] > EARLY_S]), initial=0.0))
 
 
 def _agree(model: JointModel, found: Fit, effect: str) -> bool:

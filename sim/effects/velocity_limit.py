@@ -19,10 +19,10 @@ EFFECT = Effect(
             "limit_rad_s",
             "rad/s",
             0.1,
-            50.0,
+            200.0,
             typical=3.0,
             off=math.inf,
-            source="no-load speeds of small servos",
+            source="no-load speeds of small servos; a register may hold 20 times as much",
         ),
     ),
     change=on_drives(

@@ -13,6 +13,7 @@ from bench.diagnosis.fit import Fit, fit
 from bench.diagnosis.intervals import REACH, Spread, _inverse, estimates, interval
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
+from bench.diagnosis.nuisances import LATE_S
 from bench.diagnosis.observed import Channel
 from bench.diagnosis.search import Gain
 from bench.diagnosis.settling import (
@@ -29,7 +30,7 @@ from bench.diagnosis.settling import (
     explained,
 )
 from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, explore, strayed
-from bench.diagnosis.veto import objection
+from bench.diagnosis.veto import largest_step, objection
 from sim.effects import effect
 from sim.stepped import TICK_S
 
@@ -190,9 +191,9 @@ def test_an_interval_is_never_narrower_than_its_variance_nor_wider_than_was_look
 # -- what speaks against a name -------------------------------------------------------------------
 
 
-def with_numbers(name, values):
+def with_numbers(name, values, motions=("slow",)):
     knobs = effect_knobs(effect(name))
-    model = model_of(logs(motions=["slow"]))
+    model = model_of(logs(motions=motions))
     z = np.append(np.zeros(len(model.nuisances)), values)
     return model, Fit(Hypothesis(knobs), z, {}, 0.0)
 
@@ -236,19 +237,26 @@ def test_a_limit_of_the_duty_that_its_register_shows_more_than_is_denied():
         assert "shows up to 0.4" in why
 
 
-@pytest.mark.parametrize(
-    ("name", "limit", "speaks"),
-    [
-        ("velocity_limit", 36.0, True),  # an XL330 turns at 10.8 rad/s
-        ("velocity_limit", 9.0, False),
-        ("acceleration_limit", 900.0, True),  # its rotor takes 0.52 N m to some 300 rad/s^2
-        ("acceleration_limit", 60.0, False),
-    ],
-)
-def test_a_limit_of_goals_beyond_what_a_servo_can_is_none(name, limit, speaks):
-    (knob,) = effect_knobs(effect(name))
-    model, found = with_numbers(name, [knob.at(limit)])
-    why = objection(model, found, gain_of(name, found), EVERY)
+def test_a_limit_of_speed_that_no_step_of_a_goal_takes_long_at_is_none():
+    (knob,) = effect_knobs(effect("velocity_limit"))
+    for motions, speaks in ((("swell",), True), (("steps",), False)):
+        model, found = with_numbers("velocity_limit", [knob.at(40.0)], motions)
+        steps = [largest_step(one) / 40.0 for one in model.observed]
+        assert (max(steps) < LATE_S) is speaks
+        why = objection(model, found, gain_of("velocity_limit", found), EVERY)
+        assert (why is not None) is speaks
+
+
+def test_what_is_written_first_is_no_step_of_a_goal():
+    times, goals = np.array([0.0, 0.001, 0.2, 0.21]), np.array([0.0, 0.9, 0.95, 0.93])
+    assert largest_step(SimpleNamespace(goal=(times, goals))) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(("limit", "speaks"), [(900.0, True), (60.0, False)])
+def test_a_limit_of_acceleration_beyond_what_a_servo_can_is_none(limit, speaks):
+    (knob,) = effect_knobs(effect("acceleration_limit"))
+    model, found = with_numbers("acceleration_limit", [knob.at(limit)])  # it can 313 rad/s^2
+    why = objection(model, found, gain_of("acceleration_limit", found), EVERY)
     assert (why is not None) is speaks
 
 
