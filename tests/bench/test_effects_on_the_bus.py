@@ -164,3 +164,30 @@ def test_so_many_samples_are_lost_as_the_robot_file_says() -> None:
     lost = sum(client.read_all("present_position", [1])[1] is None for _ in range(count))
     plant.close()
     assert abs(lost - share * count) < 3.0 * math.sqrt(share * (1.0 - share) * count)
+
+
+def test_a_goal_acceleration_takes_its_time_over_the_bus() -> None:
+    """Half the way is gone at half the time of a triangle of speed: sqrt(way / acceleration)."""
+    robot = load_robot("mx64-pendulum")
+    (mount,) = robot.servos
+    way, halves = 600, {}
+    for acceleration in (0, 20):
+        plant = BulletPlant(robot)
+        session = in_process(robot, plant, load_profile(robot.timing))
+        client, servo = session.client, mount.servo_id
+        start = client.read(servo, "present_position")
+        for name, raw in (
+            ("moving_speed", 1000),
+            ("goal_acceleration", acceleration),
+            ("torque_enable", 1),
+            ("goal_position", start + way),
+        ):
+            client.write(servo, name, raw)
+        begun_s = session.clock.now_s()
+        while client.read(servo, "present_position") < start + way // 2:
+            assert session.clock.now_s() < begun_s + 3.0
+        halves[acceleration] = session.clock.now_s() - begun_s
+        plant.close()
+    scale = math.radians(8.583) * 20.0
+    assert halves[20] == pytest.approx(math.sqrt(way * 2.0 * math.pi / 4096.0 / scale), abs=0.06)
+    assert halves[0] < 0.5 * halves[20]
