@@ -18,6 +18,8 @@ from bench.experiments.gait_phase import LIFTED_M, STANCE_QUANTILE, feet_m
 from busemu.tables import Robot
 from hal.legs import Legs
 
+from .observed import held_at
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
@@ -73,13 +75,6 @@ def gait_phase(goals: Goals, robot: Robot) -> Phase | None:
         return None
     cycles = cycles - _touch_down(goals, robot, t, cycles, steady)
     return Phase(t, np.where(steady, cycles, np.nan), 1.0 / hz)
-
-
-def held_at(goal: tuple[Floats, Floats], t_s: Floats) -> Floats:
-    """The goal in force [rad]; before the first write the first."""
-    at = np.searchsorted(goal[0], t_s, side="right") - 1
-    held: Floats = goal[1][np.maximum(at, 0)]
-    return held
 
 
 def _fundamental_hz(held: Floats) -> float | None:

@@ -31,6 +31,7 @@ from sim.model import Addition, Estimate, with_additions
 from .fit import EDGE, block_rms, bounds, estimate_noise, least_squares
 from .gear import with_spring
 from .joint import JointFindings
+from .left import runs_away
 from .model import Blocks, JointModel, Kind
 from .noise import Noise
 from .nuisances import PRESLIDING, PUNCH, STALL, Nuisance
@@ -158,7 +159,7 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
     foretold.
     """
     z = found.after.z.copy()
-    model = with_spring(found.model) if foretold(found) else found.model
+    model = _foretelling(found) if foretold(found) else found.model
     low, high = bounds(model, found.after.hypothesis)
     count = len(model.nuisances)
     if not foretold(found):
@@ -176,6 +177,13 @@ def carried(found: JointFindings, once: Mapping[str, float]) -> Floats:
     if (start == z).all() and not foretold(found):
         return start
     return _settled(found, model, start, low, high)
+
+
+def _foretelling(found: JointFindings) -> JointModel:
+    """The joint with the spring of its file, unless no replay can carry it."""
+    sprung = with_spring(found.model)
+    away = runs_away(sprung.residuals(found.after.hypothesis, [found.after.z])[0])
+    return found.model if away else sprung
 
 
 def _settled(

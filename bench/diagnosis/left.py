@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 from sim.drive import kernel, lanes
 
 from .noise import Block
-from .observed import Channel, Observed, Samples
+from .observed import Channel, Observed, Samples, held_at
 
 Floats = NDArray[np.float64]
 
@@ -136,11 +138,7 @@ def _jump(observed: Observed, *, renewed: bool, made_s: float) -> Floats:
     first, last = samples.t_s - made_s, samples.t_s + made_s
     if renewed:
         first = np.concatenate([samples.t_s[:1], samples.t_s[:-1]])
-    times, goals = observed.goal
-    now, before = (
-        goals[np.maximum(np.searchsorted(times, t, "right") - 1, 0)] for t in (last, first)
-    )
-    jump: Floats = np.abs(now - before)
+    jump: Floats = np.abs(held_at(observed.goal, last) - held_at(observed.goal, first))
     return jump
 
 
@@ -153,6 +151,11 @@ def averaged(
     count = np.diff(np.append(first, len(window)))
     t_s, value, extra = (np.add.reduceat(x, first, axis=-1) / count for x in (t_s, value, extra))
     return t_s, value, extra
+
+
+def runs_away(blocks: Mapping[Any, Block]) -> bool:
+    """Whether rollouts are no numbers any more: a gear is too stiff for so light a load."""
+    return any((np.abs(block.value) >= WILD).any() for block in blocks.values())
 
 
 def good(observed: Observed) -> Floats:

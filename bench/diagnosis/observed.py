@@ -90,6 +90,16 @@ class Observed:
         return self.channels[Channel.POSITION]
 
     @property
+    def motion(self) -> tuple[Floats, Floats, Floats]:
+        """Times [s], goals in force and angles [rad] of all good positions; a goal may be NaN."""
+        samples = self.position
+        t_s = samples.t_s[samples.good]
+        goal = held_at(self.goal, t_s)
+        if self.replay.start[kernel.MODE] != kernel.MODE_POSITION:
+            goal = np.full(len(t_s), np.nan)
+        return t_s, goal, samples.value[samples.good]
+
+    @property
     def seldom(self) -> bool:
         """Whether a voltage is told so seldom that currents come and go between its values."""
         return self.volts_s > SELDOM_S
@@ -311,6 +321,13 @@ def unwrapped(angles: Floats, quantum: float) -> Floats:
         return angles
     turned: Floats = np.asarray(np.unwrap(angles), np.float64)
     return angles if (np.abs(turned - angles) < 0.5 * quantum).all() else turned
+
+
+def held_at(goal: tuple[Floats, Floats], t_s: Floats) -> Floats:
+    """The goal in force [rad]; before the first write the first."""
+    at = np.searchsorted(goal[0], t_s, side="right") - 1
+    held: Floats = goal[1][np.maximum(at, 0)]
+    return held
 
 
 def sound(t_s: Floats, angles: Floats, quantum: float) -> Mask:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .confidence import NORMAL
-from .observed import Observed
+from .observed import Observed, held_at
 from .result import Cause, Estimate, Rival
 
 Floats = NDArray[np.float64]
@@ -105,11 +105,10 @@ def _levels(one: Observed) -> Iterator[list[float]]:
     """For every goal that stands still: errors at which the joint stands still, in their order."""
     samples = one.position
     t, angles = samples.t_s[samples.good], samples.value[samples.good]
-    goal_t, goal = one.goal
-    latest = np.maximum(np.searchsorted(goal_t, t, side="right") - 1, 0)
-    error = angles - goal[latest]
+    goal = held_at(one.goal, t)
+    error = angles - goal
     still = STANDING_COUNTS * samples.quantum
-    for hold in np.split(np.arange(len(t)), np.flatnonzero(np.diff(goal[latest]) != 0.0) + 1):
+    for hold in np.split(np.arange(len(t)), np.flatnonzero(np.diff(goal) != 0.0) + 1):
         levels: list[float] = []
         begin = 0
         for k in range(1, len(hold) + 1):

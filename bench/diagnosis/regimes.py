@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim.drive import kernel
 
 from .model import Blocks, Kind
-from .observed import Channel, Observed
+from .observed import Channel, Observed, held_at
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -67,9 +67,8 @@ def regimes(observed: Observed, top_speed: float) -> dict[str, Mask]:
     else:
         start = observed.replay.start
         gain = max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW])
-        goal_t, goal = observed.goal
-        latest = np.maximum(np.searchsorted(goal_t, t, side="right") - 1, 0)
-        parts["high_load"] = gain * np.abs(goal[latest] - samples.value) > LOADED_DUTY
+        error = held_at(observed.goal, t) - samples.value
+        parts["high_load"] = gain * np.abs(error) > LOADED_DUTY
     return parts
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model import Blocks, JointModel, Kind
+from .observed import held_at
 from .search import folds
 
 Floats = NDArray[np.float64]
@@ -109,10 +110,9 @@ def _state(model: JointModel, r: int) -> Floats:
     smooth: Floats = np.convolve(np.pad(q, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
     velocity: Floats = np.asarray(np.gradient(smooth, t), np.float64)
     slow: Floats = np.convolve(np.pad(velocity, 2, mode="edge"), np.ones(5) / 5.0, mode="valid")
-    goal_t, goal = one.goal
-    latest = np.maximum(np.searchsorted(goal_t, t, side="right") - 1, 0)
-    goal_velocity = np.gradient(goal[latest], t)
-    return np.stack([q, slow, goal[latest] - q, goal_velocity, np.gradient(slow, t)], axis=1)
+    goal = held_at(one.goal, t)
+    goal_velocity = np.gradient(goal, t)
+    return np.stack([q, slow, goal - q, goal_velocity, np.gradient(slow, t)], axis=1)
 
 
 def _terms(model: JointModel, r: int, scales: Floats) -> tuple[list[str], Floats]:

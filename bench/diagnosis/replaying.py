@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 
 from bench.recording import Recording
 from busemu.tables import Robot
-from sim.drive import kernel
 from sim.model import read_model
 
 from .beginning import begun
-from .gait import held_at
 from .gear import with_spring
+from .left import runs_away
 from .model import Hypothesis, JointModel, Kind
-from .observed import observe, stuck
+from .observed import held_at, observe, stuck
 from .robot_judging import Reading
 from .robot_replay import course, loaded, play
 from .robot_running import walks
@@ -74,10 +73,14 @@ def replay(
     """Replay what was recorded through each robot file, joint by joint in the order of the first.
 
     Joints that were not read, and such as stand still whatever they are told, are left out. Raises
-    :class:`DiagnosisError` for robot files of different joints and where nothing is left,
+    :class:`DiagnosisError` for robot files of different joints, for recordings of one name, for a
+    gear that no replay can carry and where nothing is left,
     :class:`bench.recording.RecordingError` and :class:`sim.entries.PhysicsError`.
     """
     first = robots[0]
+    names = [recording.name for recording in recordings]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise DiagnosisError(f"two recordings are named {twice[0]!r}: give them one by one")
     for other in robots[1:]:
         if [(m.joint, m.servo_id) for m in other.servos] != [
             (m.joint, m.servo_id) for m in first.servos
@@ -118,11 +121,13 @@ def _joints(robot: Robot, recordings: Sequence[Recording]) -> dict[tuple[str, st
         model = with_spring(JointModel(base, robot, some))
         believed = np.zeros(len(model.nuisances))
         left = model.residuals(Hypothesis(), [believed], kinds=(Kind.POSITION,))[0]
+        if runs_away(left):
+            raise DiagnosisError(
+                f"{robot.path}: the gear of {joint.name} is too stiff for so light a load, and "
+                "replays run away: soften it, or tell what hangs on the joint"
+            )
         for r, observed in enumerate(some):
-            samples = observed.position
-            t_s, measured = samples.t_s[samples.good], samples.value[samples.good]
-            angular = observed.replay.start[kernel.MODE] == kernel.MODE_POSITION
-            goal = held_at(observed.goal, t_s) if angular else np.full(len(t_s), np.nan)
+            t_s, goal, measured = observed.motion
             modelled = measured - left[r, Kind.POSITION].value
             made[observed.name, joint.name] = Replayed(
                 observed.name, joint.name, t_s, goal, measured, (modelled,)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 from sim.stepped import TICK_S
 
-from .gait import Bins, Phase, commanded_lift, gait_phase, held_at
+from .gait import Bins, Phase, commanded_lift, gait_phase
+from .observed import held_at
 from .robot_replay import SETTLE_S, Course, Span, Track
 from .robot_shaking import PHASES, Shaking
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 from sim.model import Addition
 
-from .gait import commanded_lift, held_at
+from .gait import commanded_lift
+from .observed import held_at
 from .report.traces import Trace
 from .robot_features import Features, RobotKind
 from .robot_improved import of_nuisances, of_room, with_all

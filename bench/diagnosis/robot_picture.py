@@ -19,7 +19,8 @@ from bench.figures.style import GOAL, MEASURED, MODELLED, STANCE, START, styled
 from busemu.tables import Robot
 from hal.legs import PARTS
 
-from .gait import Bins, Phase, commanded_lift, gait_phase, held_at
+from .gait import Bins, Phase, commanded_lift, gait_phase
+from .observed import held_at
 from .robot_judging import Judgement
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from bench.diagnosis.joint import JointFindings
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.regimes import regimes, top_speed
-from sim.drive import kernel
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -64,15 +63,11 @@ def traces_of(found: JointFindings) -> list[Trace]:
     for r, observed in enumerate(judge.observed):
         if (r, Kind.POSITION) not in residuals[0]:
             continue
-        samples = observed.position
-        good = samples.good
-        t, measured = samples.t_s[good], samples.value[good]
-        goal_t, goal = observed.goal
-        latest = np.maximum(np.searchsorted(goal_t, t, side="right") - 1, 0)
-        angular = observed.replay.start[kernel.MODE] == kernel.MODE_POSITION
-        goals = goal[latest] if angular else np.full(len(t), np.nan)
+        t, goals, measured = observed.motion
         before, after = (measured - blocks[r, Kind.POSITION].value for blocks in residuals)
-        parts = {name: mask[good] for name, mask in regimes(observed, fastest).items()}
+        parts = {
+            name: mask[observed.position.good] for name, mask in regimes(observed, fastest).items()
+        }
         traces.append(
             Trace(
                 observed.name, observed.group, observed.joint, t, goals, measured, before,

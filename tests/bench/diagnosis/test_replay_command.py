@@ -2,6 +2,7 @@
 
 import csv
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from bench.diagnosis.result import Estimate
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_improved import of_causes, write_model
 from bench.diagnosis.sense import DiagnosisError
+from bench.recording import Recording
 from busemu.tables import load_robot
 from sim.effects import effect
 from sim.model import Addition, with_additions
@@ -127,6 +129,40 @@ def test_robots_of_other_joints_are_refused(logs, tmp_path):
 )
 def test_what_cannot_be_compared_is_refused_in_a_line(words, said, logs):
     refused(busemu("replay", *words, logs[0]), said)
+
+
+def light(tmp_path):
+    """The bench with a horn that is next to nothing, on its gear."""
+    text = load_robot("mx64-bench").path.read_text()
+    path = tmp_path / "light.toml"
+    path.write_text(text.replace("[1.0e-5, 2.0e-5, 1.0e-5]", "[1.0e-9, 2.0e-9, 1.0e-9]"))
+    return load_robot(path)
+
+
+def test_a_gear_that_no_replay_can_carry_is_told(tmp_path):
+    rows = [
+        SimpleNamespace(
+            t_s=0.01 * k, t_reply_s=0.01 * k + 0.001, servo_id=1, op="read",
+            register="present_position", raw=2048 + k,
+        )
+        for k in range(60)
+    ]  # fmt: skip
+    rows.append(
+        SimpleNamespace(
+            t_s=0.1, t_reply_s=math.nan, servo_id=1, op="write", register="goal_position", raw=2300
+        )
+    )
+    told = Recording.of(
+        rows, {"name": "one", "group": "one", "robot": "mx64-bench", "source": "simulation"}
+    )
+    assert replay([load_robot("mx64-bench")], [told], silent)
+    with pytest.raises(DiagnosisError, match="too stiff for so light a load"):
+        replay([light(tmp_path)], [told], silent)
+
+
+def test_two_recordings_of_one_name_are_refused():
+    with pytest.raises(DiagnosisError, match="two recordings are named"):
+        replay([load_robot(ROBOT)], [*swings(), *swings()], silent)
 
 
 def test_joints_that_never_move_as_told_are_no_replay():
