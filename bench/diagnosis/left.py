@@ -26,7 +26,11 @@ STALE_S = 0.12
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 DUTY_S = 0.002  #: the same of a duty, which is made of angles sampled, too
+#: between a goal that is in force and a duty that is made of it: a tick of the controller, mostly
+#: a millisecond, whose phase nobody knows, and what a host's clock leaves; assumed
+TICK_S = 0.0015
 FEWEST = 5  #: samples that are a block
+REMEMBERED = 100  #: delays of goals; a fit turns few
 
 
 class Left:
@@ -51,7 +55,9 @@ class Left:
         self._speed = speed(observed)
         start = observed.replay.start
         self._gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
-        self._jump = _jump(observed, renewed=renewed, made_s=made_s)
+        self._told = not made_s  #: whether no goal that came after it is in a duty
+        self._either_s = max(TICK_S, made_s)
+        self._changes: dict[float, Floats] = {}
 
     def blocks(
         self,
@@ -60,12 +66,13 @@ class Left:
         duties: Floats | None,
         source_ohm: Floats,
         voltage_v: Floats,
+        delay_s: Floats,
     ) -> list[Block]:
         """A block for every rollout; none where the channel was not recorded, or hardly.
 
         ``outs`` (rollouts, samples, CHANNELS) and ``duties`` (rollouts, samples) are of the
         replay's samples, the latter what a controller makes of the recorded angles; ``source_ohm``
-        and ``voltage_v`` (rollouts,) are the supply's.
+        and ``voltage_v`` (rollouts,) are the supply's, ``delay_s`` (rollouts,) is the goal's.
         """
         samples = self._observed.channels.get(channel)
         if samples is None:
@@ -82,7 +89,8 @@ class Left:
             extra = np.broadcast_to((self._speed[at] * INSTANT_S) ** 2, modelled.shape)
         elif channel is Channel.DUTY:
             assert duties is not None
-            modelled, extra = self._duty(at, outs[:, at, lanes.OUT_DUTY], duties[:, at])
+            steps = np.stack([self._steps(float(late_s)) for late_s in delay_s])
+            modelled, extra = self._duty(at, outs[:, at, lanes.OUT_DUTY], duties[:, at], steps)
         else:
             drawn = outs[:, :, lanes.OUT_DUTY] * outs[:, :, lanes.OUT_CURRENT]
             drop, extra = self._drop(samples, source_ohm[:, None] * drawn)
@@ -95,7 +103,9 @@ class Left:
             t_s, value, extra = averaged(t_s, value, extra, WINDOW_S)
         return [Block(t_s, *row) for row in zip(value, extra, strict=True)]
 
-    def _duty(self, at: NDArray[np.int64], moved: Floats, duty: Floats) -> tuple[Floats, Floats]:
+    def _duty(
+        self, at: NDArray[np.int64], moved: Floats, duty: Floats, steps: Floats
+    ) -> tuple[Floats, Floats]:
         modelled, aged = duty, np.zeros_like(duty)
         if self._renewed:
             earlier = np.concatenate([modelled[:, :1], modelled[:, :-1]], axis=1)
@@ -103,8 +113,28 @@ class Left:
         slope = self._gain * (np.abs(moved) < 1.0)
         extra = (slope * self._speed[at] * self._made_s) ** 2
         extra += (slope * self._observed.position.quantum) ** 2 / 6.0 + aged
-        extra += (slope * self._jump) ** 2 / 12.0
+        extra += steps**2 / (12.0 if self._renewed else 4.0)
         return modelled, extra
+
+    def _steps(self, delay_s: float) -> Floats:
+        """By how much a duty changes with goals that may be in it, or not yet, of every sample."""
+        if delay_s not in self._changes:
+            one = self._observed
+            t_s = one.channels[Channel.DUTY].t_s
+            first, last = t_s - delay_s - self._either_s, t_s - delay_s + self._either_s
+            if self._renewed:
+                first = np.concatenate([t_s[:1], t_s[:-1]]) - delay_s
+            if self._told:
+                last = np.minimum(last, t_s)
+            angle = np.interp(t_s, one.position.t_s[one.position.good], good(one))
+            now, before = (
+                np.clip(self._gain * (held_at(one.goal, at_s) - angle), -1.0, 1.0)
+                for at_s in (last, first)
+            )
+            if len(self._changes) > REMEMBERED:
+                self._changes.clear()
+            self._changes[delay_s] = np.abs(now - before)
+        return self._changes[delay_s]
 
     def _drop(self, samples: Samples, drop: Floats) -> tuple[Floats, Floats]:
         """What a voltage register shows of a supply's drop, and the variance of that [V^2].
@@ -128,18 +158,6 @@ class Left:
             for total in (np.cumsum(np.pad(drop**n, ((0, 0), (1, 0))), axis=1) for n in (1, 2))
         )
         return mean, np.maximum(square - mean**2, 0.0)
-
-
-def _jump(observed: Observed, *, renewed: bool, made_s: float) -> Floats:
-    """By how much goals change while a duty may have been made [rad], of every sample of it."""
-    samples = observed.channels.get(Channel.DUTY)
-    if samples is None or not (renewed or made_s):
-        return np.zeros(1)
-    first, last = samples.t_s - made_s, samples.t_s + made_s
-    if renewed:
-        first = np.concatenate([samples.t_s[:1], samples.t_s[:-1]])
-    jump: Floats = np.abs(held_at(observed.goal, last) - held_at(observed.goal, first))
-    return jump
 
 
 def averaged(

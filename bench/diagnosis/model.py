@@ -267,8 +267,9 @@ class JointModel:
             duty = np.stack([duties[j] for j in these]) if duties else None
             source = np.array([candidates[j].source_ohm for j in these])
             voltage = np.array([candidates[j].voltage_v for j in these])
+            late = np.array([candidates[j].drive[kernel.DELAY] for j in these])
             for kind in kinds:
-                blocks = self._left[r].blocks(kind.channel, out, duty, source, voltage)
+                blocks = self._left[r].blocks(kind.channel, out, duty, source, voltage, late)
                 for found, block in zip(result, blocks, strict=bool(blocks)):
                     found[r, kind] = block
         return result
