@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from .fit import Fit, bounds, prior_cost
+from .fit import Fit, bounds, prior_cost, remaining
 from .floor import engines_rad
 from .model import JointModel, Kind
 from .nuisances import LATE_S
@@ -109,7 +109,7 @@ def group_squares(models: Sequence[JointModel], found: Fit) -> dict[Kind, list[f
     """Mean square that a fit leaves of every kind in the recordings of every group."""
     values: dict[Kind, dict[object, list[Floats]]] = {}
     for model in models:
-        for (r, kind), block in model.residuals(found.hypothesis, [found.z])[0].items():
+        for (r, kind), block in remaining(model, found).items():
             group = id(model), model.observed[r].group
             values.setdefault(kind, {}).setdefault(group, []).append(block.value)
     return {

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 
 from .journal import digest
 from .model import Blocks, Hypothesis, JointModel, Kind
-from .noise import Block, Noise, cost, estimate, huber_weight, whiten
+from .noise import Block, Noise, calm, cost, estimate, huber_weight, whiten
 
 Floats = NDArray[np.float64]
 
@@ -378,10 +378,19 @@ def score(model: JointModel, found: Fit, which: Sequence[int]) -> Score:
     blocks = model.residuals(found.hypothesis, [found.z], which)[0]
     squares: dict[Kind, float] = {}
     count: dict[Kind, int] = {}
-    for (_, kind), block in blocks.items():
+    for (_, kind), block in remaining(model, found, which).items():
         squares[kind] = squares.get(kind, 0.0) + float(np.sum(block.value**2))
         count[kind] = count.get(kind, 0) + len(block.value)
     return Score(-sum(block_costs(blocks, found.noise).values()), squares, count)
+
+
+def remaining(model: JointModel, found: Fit, which: Sequence[int] | None = None) -> Blocks:
+    """What a fit leaves of some recordings (all), without what most likely swayed each of them."""
+    blocks = model.residuals(found.hypothesis, [found.z], which)[0]
+    return {
+        key: block if block.sways is None else calm(block, found.noise[key[1]])
+        for key, block in blocks.items()
+    }
 
 
 def block_rms(blocks: Mapping[tuple[int, Kind], Block], kind: Kind) -> float:

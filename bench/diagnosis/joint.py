@@ -18,7 +18,7 @@ from sim.robot import PhysicalRobot
 from .beginning import begun
 from .contradiction import supply_contradiction
 from .faint import strained
-from .fit import Fit, block_rms, estimate_noise
+from .fit import Fit, block_rms, estimate_noise, remaining
 from .floor import noise_floor, tolerance
 from .gear import PLAINLY, SpringError, asked_again, believed, sprung
 from .intervals import estimates
@@ -133,11 +133,10 @@ def diagnose_joint(
         causes.append(play_cause(pushed, observed[0].joint, after.noise[Kind.POSITION].total))
     rejected = told_once(settled.rejected, causes)
     tell("looking at what is left")
-    left = block_rms(judge.residuals(after.hypothesis, [after.z])[0], Kind.POSITION)
     rest = rest_of(model, judge, after, floor, seed)
     unnamed = any(cause.effect not in seen for cause in in_data)
-    judged_before = block_rms(judge.residuals(Hypothesis(), [before.z])[0], Kind.POSITION)
-    worse = bool(causes) and is_worse(judged_before, left, floor)
+    calm = [block_rms(remaining(judge, found), Kind.POSITION) for found in (before, after)]
+    worse = bool(causes) and is_worse(calm[0], calm[1], floor)
     structured = unnamed or worse or rest.structured
     verdict = verdict_of(bool(causes), structured)
     if verdict != "consistent" and not watch.late:
@@ -147,8 +146,8 @@ def diagnose_joint(
         mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
         causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
         fit=FitSummary(
-            before=judged_before,
-            after=left,
+            before=_rms(judge, before),
+            after=_rms(judge, after),
             noise_floor=floor,
             held_out=bool(judged),
             recordings=tuple(o.name for o in (judged or observed)),
@@ -268,16 +267,18 @@ def unlike(view: View) -> frozenset[str]:
     model, judge, after = view.model, view.judge, view.settled.after
     if judge is model or not rest_of(model, judge, after, view.floor).structured:
         return frozenset()
-    left = [
-        block_rms(some.residuals(after.hypothesis, [after.z])[0], Kind.POSITION)
-        for some in (model, judge)
-    ]
-    if left[1] < UNLIKE * left[0]:
+    rest = [block_rms(remaining(some, after), Kind.POSITION) for some in (model, judge)]
+    if rest[1] < UNLIKE * rest[0]:
         return frozenset()
     groups: dict[str, list[str]] = {}
     for one in judge.observed:
         groups.setdefault(one.group, []).append(one.name)
     return frozenset(name for names in groups.values() for name in names[: len(names) // 2])
+
+
+def _rms(judge: JointModel, found: Fit) -> float:
+    """What a fit leaves of the recordings that judge it, as they are [rad]."""
+    return block_rms(judge.residuals(found.hypothesis, [found.z])[0], Kind.POSITION)
 
 
 def told_once(

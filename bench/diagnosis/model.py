@@ -31,11 +31,12 @@ from sim.rollout import Batch, Candidate, Load
 from .instants import located
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
-from .left import Left, good
+from .left import Left, good, runs_away
 from .noise import Block
 from .nuisances import GEAR_LEVELS, PUNCH, nuisances
 from .observed import Channel, Observed
 from .posture import arm_load
+from .sways import SWAYS
 
 Floats = NDArray[np.float64]
 
@@ -271,8 +272,46 @@ class JointModel:
             for kind in kinds:
                 blocks = self._left[r].blocks(kind.channel, out, duty, source, voltage, late)
                 for found, block in zip(result, blocks, strict=bool(blocks)):
-                    found[r, kind] = block
+                    found[r, kind] = self._swaying(r, block) if kind is Kind.POSITION else block
         return result
+
+    def _swaying(self, r: int, block: Block) -> Block:
+        return replace(block, sways=self._sways[r]) if self._sways[r].any() else block
+
+    @cached_property
+    def _sways(self) -> list[Floats]:
+        """What every recording's positions may be swayed by (n, sways), as the joint is believed.
+
+        Under a voltage that was recorded, no other sways it.
+        """
+        which = range(len(self.observed))
+        believed = self._candidates(Hypothesis(), np.zeros(len(self.nuisances)), which)
+        ways = [(sway, side) for sway in SWAYS for side in (1.0, -1.0)]
+        swayed = [sway(candidate, side) for candidate in believed for sway, side in ways]
+        outs = self._run(swayed, np.repeat(which, len(ways)).tolist())
+        found = []
+        for r in which:
+            these = slice(r * len(ways), (r + 1) * len(ways))
+            some = swayed[these]
+            blocks = self._left[r].blocks(
+                Kind.POSITION.channel,
+                np.stack(outs[these]),
+                None,
+                np.array([c.source_ohm for c in some]),
+                np.array([c.voltage_v for c in some]),
+                np.zeros(len(ways)),
+            )
+            sways = np.zeros((len(blocks[0].value) if blocks else 0, len(SWAYS)))
+            if blocks and not runs_away(dict(enumerate(blocks))):
+                sways = np.stack(
+                    [
+                        (b.value - a.value) / 2.0
+                        for a, b in zip(blocks[::2], blocks[1::2], strict=True)
+                    ],
+                    axis=1,
+                )
+            found.append(sways)
+        return found
 
     def _candidates(
         self, hypothesis: Hypothesis, z: Floats, which: Sequence[int]

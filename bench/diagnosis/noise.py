@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -29,6 +29,7 @@ SHORTEST_MEMORY_S = 0.004  #: assumed: faster than this is white at any rate a b
 ROUGH = {"maxiter": 40, "ftol": 1e-9, "eps": 1e-4}
 FINE = {"maxfev": 60, "xatol": 0.01, "fatol": 0.05}  #: wild samples leave kinks in the likelihood
 NONE = 0.1  #: of the floor: a coloured part below it is as good as none
+LEAST_SWAY = 1e-6  #: of a squared length in deviations of noise: shorter ones do nothing
 CLIP = 3.5  #: innovations beyond so many deviations count as linear, not square (Huber)
 
 
@@ -51,12 +52,14 @@ class Block:
     """Residuals of one channel in one recording, shape (n,), at ascending times [s].
 
     ``extra`` is a known additional white variance of each sample: what an uncertain instant does to
-    a moving joint.
+    a moving joint. ``sways`` (n, k) is what happens to the whole recording as nobody knows how much
+    of it did: each column times a number of deviation 1 (:mod:`bench.diagnosis.sways`).
     """
 
     t_s: Floats
     value: Floats
     extra: Floats
+    sways: Floats | None = None
 
 
 @njit(cache=True, error_model="numpy")
@@ -96,6 +99,33 @@ def _filter(
 
 
 @njit(cache=True, error_model="numpy")
+def _calmed(white: Floats, count: int) -> float:
+    """Whitened columns (n, k) without what the first ``count`` may sway them by, in place.
+
+    Each factor is a root of the inverse of 1 + a a', so that squares of what comes out are those of
+    a likelihood in which how much of every sway there is was summed over. Returns the sum of log
+    deviations that belongs to it.
+    """
+    n, width = white.shape
+    total = 0.0
+    for c in range(count):
+        square = 0.0
+        for i in range(n):
+            square += white[i, c] * white[i, c]
+        if square < LEAST_SWAY:
+            continue
+        total += 0.5 * math.log(1.0 + square)
+        share = (1.0 - 1.0 / math.sqrt(1.0 + square)) / square
+        for j in range(c + 1, width):
+            along = 0.0
+            for i in range(n):
+                along += white[i, c] * white[i, j]
+            for i in range(n):
+                white[i, j] -= share * along * white[i, c]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
 def _cost(
     t: Floats,
     value: Floats,
@@ -128,6 +158,10 @@ def _cost(
 
 def whiten(block: Block, noise: Noise, columns: Floats) -> tuple[Floats, float]:
     """Whitened columns (n, k) as if each were the residual, and the sum of log deviations."""
+    count = 0
+    if block.sways is not None:
+        count = block.sways.shape[1]
+        columns = np.concatenate([block.sways, columns], axis=1)
     out = np.empty_like(columns)
     deviation = np.empty(len(columns))
     total = _filter(
@@ -140,7 +174,19 @@ def whiten(block: Block, noise: Noise, columns: Floats) -> tuple[Floats, float]:
         out,
         deviation,
     )
-    return out, float(total)
+    if count:
+        total += _calmed(out, count)
+    return out[:, count:], float(total)
+
+
+def calm(block: Block, noise: Noise) -> Block:
+    """The block without what most likely swayed it."""
+    assert block.sways is not None
+    bare = replace(block, sways=None)
+    white, _ = whiten(bare, noise, np.column_stack([block.sways, block.value]))
+    sways, value = white[:, :-1], np.clip(white[:, -1], -CLIP, CLIP)
+    much = np.linalg.solve(np.eye(sways.shape[1]) + sways.T @ sways, sways.T @ value)
+    return replace(block, value=block.value - block.sways @ much)
 
 
 def huber(z: Floats) -> Floats:
@@ -158,6 +204,9 @@ def huber_weight(z: Floats) -> Floats:
 
 def cost(block: Block, noise: Noise) -> float:
     """Negative log-likelihood [nats] of a block, without its constants."""
+    if block.sways is not None:
+        white, total = whiten(block, noise, block.value[:, None])
+        return float(np.sum(huber(white[:, 0])) + total)
     return float(
         _cost(
             block.t_s, block.value, block.extra, noise.white, noise.coloured, noise.memory_s, CLIP

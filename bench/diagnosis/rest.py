@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .fit import Fit, block_rms, fit
+from .fit import Fit, block_rms, fit, remaining
 from .floor import engines_rad, tolerance
 from .model import Blocks, JointModel, Kind
 from .remainder import Remainder, remainder
@@ -44,10 +44,10 @@ def rest_of(model: JointModel, judge: JointModel, found: Fit, floor: float, seed
 
 
 def _rest(judge: JointModel, found: Fit, floor: float, seed: int) -> Rest:
-    blocks = judge.residuals(found.hypothesis, [found.z])[0]
+    blocks = remaining(judge, found)
     told = remainder(judge, blocks, seed)
-    left = block_rms(blocks, Kind.POSITION)
-    return Rest(blocks, told, is_structured(told, left, floor, engines_rad(judge)))
+    rms = block_rms(blocks, Kind.POSITION)
+    return Rest(blocks, told, is_structured(told, rms, floor, engines_rad(judge)))
 
 
 def is_worse(before_rad: float, after_rad: float, floor: float) -> bool:

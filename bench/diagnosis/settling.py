@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from sim.effects import Effect
 
 from .faint import changes_little, contradicted
-from .fit import Fit, block_rms
+from .fit import Fit, block_rms, remaining
 from .growing import grow, paired
 from .intervals import Spread, may_be_nothing
 from .model import JointModel, Kind
@@ -292,7 +292,7 @@ def spoils(
 
 def _square(model: JointModel, found: Fit) -> float:
     """Mean square of the positions that a fit leaves [rad^2]."""
-    return block_rms(model.residuals(found.hypothesis, [found.z])[0], Kind.POSITION) ** 2
+    return block_rms(remaining(model, found), Kind.POSITION) ** 2
 
 
 def _unsure(
@@ -350,7 +350,7 @@ def explained(
         values = [
             block.value
             for judge in judges
-            for (_, kind), block in judge.residuals(found.hypothesis, [found.z])[0].items()
+            for (_, kind), block in remaining(judge, found).items()
             if kind is Kind.POSITION
         ]
         squares.append(float(np.mean(np.concatenate(values) ** 2)))

@@ -10,8 +10,8 @@ from bench.diagnosis.model import Hypothesis
 
 ALONE = Hypothesis()
 TRUTH = {
-    "torque_constant": {"scale": 0.9},
-    "viscous_friction": {"more_nm_s_rad": 0.01},
+    "torque_constant": {"scale": 0.85},
+    "viscous_friction": {"more_nm_s_rad": 0.02},
     "presliding": {"breakaway_rad": 4e-4},
 }
 

@@ -19,6 +19,7 @@ from bench.diagnosis.fit import Fit
 from bench.diagnosis.floor import engines_rad
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, Kind
+from bench.diagnosis.noise import Noise
 from sim.effects import effect
 
 FLOOR, NOISE = 1e-3, 1e-6
@@ -72,8 +73,9 @@ def test_what_takes_a_strain_off_tolerances_is_no_faint_name(monkeypatch):
     idle = np.array([n.name in model.idle(Hypothesis()) for n in model.nuisances])
     far, usual = np.where(idle, 0.0, 0.9 * ends), np.where(idle, 0.0, 0.2 * ends)
     knobs = effect_knobs(effect("gain_error"))
-    stretched, eased = (Fit(Hypothesis(), z, {}, 0.0) for z in (far, usual))
-    named, named_far = (Fit(Hypothesis(knobs), np.append(z, 0.0), {}, 0.0) for z in (usual, far))
+    noise = {kind: Noise(1e-3, 0.0, 0.1) for kind in Kind}
+    stretched, eased = (Fit(Hypothesis(), z, noise, 0.0) for z in (far, usual))
+    named, named_far = (Fit(Hypothesis(knobs), np.append(z, 0.0), noise, 0.0) for z in (usual, far))
     assert strained(model, stretched)
     assert not strained(model, eased)
     monkeypatch.setattr("bench.diagnosis.faint.hardly_better", lambda *_: True)

@@ -4,18 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulum_logs import CONDITION, DUTY, JOINT, POSITION, VOLTS, logs, model_of, robot
+from pendulum_logs import CONDITION, DUTY, JOINT, PACE_S, POSITION, VOLTS, logs, model_of, robot
 
 import bench.diagnosis.fit as fit_module
 from bench.diagnosis.fit import (
     DAMPINGS,
     block_costs,
+    block_rms,
     bounds,
     estimate_noise,
     fit,
     least_squares,
     linearise,
     prior_cost,
+    remaining,
     score,
     steps,
 )
@@ -23,12 +25,17 @@ from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.left import INSTANT_S, STALE_S, WILD, Left, averaged
 from bench.diagnosis.model import LATEST, Hypothesis, JointModel, Kind
+from bench.diagnosis.noise import cost
 from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.observed import observe
 from bench.diagnosis.search import NEEDED, confirm
-from sim.drive import lanes
+from bench.diagnosis.sways import FRICTION, SUPPLY
+from sim.drive import kernel, lanes
 from sim.effects import effect
+from sim.model import read_model
 from sim.stepped import TICK_S
+
+COULOMB_NM = read_model(robot()).joints[0].drive.friction.coulomb_nm
 
 
 def blocks_of(model, z=None, hypothesis=None):
@@ -120,11 +127,104 @@ def test_a_voltage_that_is_seldom_read_is_of_some_time_before():
     outs = np.zeros((1, len(t_s), lanes.CHANNELS))
     outs[0, :, lanes.OUT_DUTY], outs[0, :, lanes.OUT_CURRENT] = 1.0, 1.0 + np.sin(20.0 * t_s)
     told = Left(one, renewed=False)
-    (block,) = told.blocks(Kind.VOLTAGE.channel, outs, None, np.array([2.0]), np.array([11.0]))
+    (block,) = told.blocks(
+        Kind.VOLTAGE.channel, outs, None, np.array([2.0]), np.array([11.0]), np.zeros(1)
+    )
     drop = 2.0 + 2.0 * np.sin(20.0 * t_s)
     before = [drop[(t_s >= t - STALE_S) & (t_s <= t)] for t in seldom.t_s]
     assert block.value == pytest.approx(seldom.value - 11.0 + [d.mean() for d in before])
     assert block.extra == pytest.approx([d.var() for d in before])
+
+
+@pytest.mark.parametrize(
+    ("delay_s", "unsure"), [(0.0, False), (0.004, False), (0.0065, True), (0.012, False)]
+)
+def test_a_duty_may_be_made_of_the_goal_before_where_that_is_in_force_just_then(delay_s, unsure):
+    """Goals are written every 10 ms; a duty is read 7 ms after each of them."""
+    (one,) = observe(logs(motions=["slow"]), robot(), JOINT)
+    duty = one.channels[Kind.DUTY.channel]
+    times = np.arange(0.0, 3.0, PACE_S)
+    goals = np.where(np.arange(len(times)) % 2, 0.05, 0.0) + np.interp(
+        times, one.position.t_s, one.position.value
+    )
+    at = times + 0.007
+    late = replace(duty, t_s=at, value=np.resize(duty.value, len(at)))
+    late = replace(late, index=np.resize(duty.index, len(at)), good=np.ones(len(at), bool))
+    one = replace(one, goal=(times, goals), channels=one.channels | {Kind.DUTY.channel: late})
+    outs = np.zeros((1, len(one.replay.samples), lanes.CHANNELS))
+    duties = np.zeros((1, len(one.replay.samples)))
+    some = np.array([2.0]), np.array([11.0])
+    blocks = [
+        Left(one, renewed=False).blocks(Kind.DUTY.channel, outs, duties, *some, np.array([late_s]))
+        for late_s in (0.003, delay_s)
+    ]
+    (usual,), (block,) = blocks
+    gain = max(one.replay.start[[kernel.GAIN_CW, kernel.GAIN_CCW]])
+    more = np.sqrt(np.median(block.extra - usual.extra))
+    assert more == pytest.approx(0.5 * 0.05 * gain if unsure else 0.0, rel=0.2, abs=1e-9)
+
+
+def test_a_duty_holds_no_goal_that_is_written_after_it():
+    (one,) = observe(logs(motions=["slow"]), robot(), JOINT)
+    duty = one.channels[Kind.DUTY.channel]
+    goal = duty.t_s + 0.0005, 0.3 * (np.arange(len(duty.t_s)) % 2)
+    outs = np.zeros((1, len(one.replay.samples), lanes.CHANNELS))
+    given = outs, outs[:, :, 0], np.array([2.0]), np.array([11.0]), np.zeros(1)
+    blocks = [
+        Left(replace(one, goal=now), renewed=False, made_s=made_s).blocks(Kind.DUTY.channel, *given)
+        for now, made_s in ((goal, 0.0), ((goal[0], 0.0 * goal[1]), 0.0), (goal, 0.001))
+    ]
+    (told,), (still,), (unsure,) = blocks
+    assert told.extra == pytest.approx(still.extra)
+    assert np.median(unsure.extra) > 10.0 * np.median(still.extra)
+
+
+def test_a_motion_sways_by_as_much_as_more_friction_or_voltage_changes_it(null):
+    blocks = blocks_of(null)
+    vector = np.zeros(len(null.nuisances))
+    names = [n.name for n in null.nuisances]
+    for k, (name, share) in enumerate((("coulomb_level", FRICTION), ("supply", SUPPLY))):
+        at = names.index(name)
+        moved = []
+        for side in (1.0, -1.0):
+            vector[at] = side * share / null.nuisances[at].deviation
+            moved.append(blocks_of(null, vector.copy()))
+        vector[at] = 0.0
+        for key, block in blocks.items():
+            if key[1] is Kind.POSITION:
+                change = (moved[1][key].value - moved[0][key].value) / 2.0
+                assert block.sways[:, k] == pytest.approx(change, abs=1e-12)
+                assert np.abs(change).max() > 1e-5
+            else:
+                assert block.sways is None
+
+
+def test_a_voltage_that_was_recorded_is_swayed_by_no_other():
+    sag = {"voltage_sag": {"resistance_ohm": 6.0}}
+    model = model_of(logs(sag, ["fast"], (POSITION, VOLTS), 8.0))
+    assert model.recorded_supply == (True,)
+    block = blocks_of(model)[0, Kind.POSITION]
+    assert block.sways[:, 0].any()
+    assert not block.sways[:, 1].any()
+
+
+def test_friction_that_is_another_in_each_recording_is_found_in_each():
+    """A likelihood with it is far likelier, and what it leaves is rounding again."""
+    share = 2.0 * FRICTION
+    rows = logs({"coulomb_friction": {"more_nm": share * COULOMB_NM}}, motions=["slow"])
+    rows += logs({"coulomb_friction": {"more_nm": -share * COULOMB_NM}}, motions=["fast"])
+    model = model_of(rows)
+    found = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    raw = model.residuals(Hypothesis(), [found.z])[0]
+    calm = remaining(model, found)
+    for r in range(2):
+        key = r, Kind.POSITION
+        bare = replace(raw[key], sways=None)
+        assert cost(bare, found.noise[Kind.POSITION]) > cost(raw[key], found.noise[Kind.POSITION])
+        quantum = model.observed[r].position.quantum
+        assert np.std(calm[key].value) < 0.5 * quantum
+    assert block_rms(raw, Kind.POSITION) > 1.2 * block_rms(calm, Kind.POSITION)
+    assert calm[0, Kind.DUTY] is raw[0, Kind.DUTY]
 
 
 def test_voltages_are_means_over_windows_and_rare_ones_stay():
@@ -150,16 +250,18 @@ def test_residuals_are_recorded_less_modelled():
 def test_what_was_just_rolled_out_is_not_rolled_out_again():
     model = model_of(logs(motions=["slow"]))
     vectors = [x * np.ones(len(model.nuisances)) for x in np.linspace(0.0, 0.5, LATEST)]
+    model.residuals(Hypothesis(), [9.0 * vectors[-1]])  # and what sways recordings, once for all
+    done = model.rollouts
     first = model.residuals(Hypothesis(), vectors)
-    assert model.rollouts == LATEST
+    assert model.rollouts == done + LATEST
     again = model.residuals(Hypothesis(), [vectors[3], 0.7 * vectors[-1], vectors[1]])
-    assert model.rollouts == LATEST + 1
+    assert model.rollouts == done + LATEST + 1
     assert (again[0], again[2]) == (first[3], first[1])
     assert not np.array_equal(again[1][0, Kind.POSITION].value, first[3][0, Kind.POSITION].value)
     (other,) = model.residuals(having("backlash"), [np.append(vectors[3], 1.0)])
     assert not np.array_equal(other[0, Kind.POSITION].value, first[3][0, Kind.POSITION].value)
     model.residuals(Hypothesis(), [vectors[0]])  # long ago
-    assert model.rollouts == LATEST + 3
+    assert model.rollouts == done + LATEST + 3
 
 
 def test_steps_that_lead_nowhere_are_made_shorter_along_the_same_slopes(null, monkeypatch):

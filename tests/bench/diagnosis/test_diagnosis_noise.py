@@ -1,5 +1,7 @@
 """Noise of residuals: the filter against the dense Gaussian it stands for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from bench.diagnosis.noise import (
     SHORTEST_MEMORY_S,
     Block,
     Noise,
+    calm,
     cost,
     estimate,
     huber,
@@ -55,6 +58,37 @@ def test_the_cost_is_that_of_the_dense_gaussian(noise):
     assert float((z**2).sum()) == pytest.approx(square)
     assert logs == pytest.approx(0.5 * logdet)
     assert cost(block, noise) == pytest.approx(0.5 * square + 0.5 * logdet)
+
+
+def swayed(noise, seed=4):
+    """A block that some waves of unknown height go through, one of them long, one hardly there."""
+    block = drawn(noise)
+    random = np.random.default_rng(seed)
+    heights = np.array([2.0, 0.3, 1e-9]) * noise.total
+    sways = heights * np.sin(np.outer(block.t_s, [3.0, 11.0, 5.0]))
+    return replace(block, value=block.value + sways @ random.normal(size=3), sways=sways)
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_what_sways_a_block_is_summed_over_as_in_the_dense_gaussian(noise):
+    block = swayed(noise)
+    z, logs = whiten(block, noise, block.value[:, None])
+    assert np.abs(z).max() < CLIP
+    dense = covariance(block.t_s, noise, block.extra) + block.sways @ block.sways.T
+    _, logdet = np.linalg.slogdet(dense)
+    square = block.value @ np.linalg.solve(dense, block.value)
+    assert float((z**2).sum()) == pytest.approx(square)
+    assert logs == pytest.approx(0.5 * logdet)
+    assert cost(block, noise) == pytest.approx(0.5 * square + 0.5 * logdet)
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_what_most_likely_swayed_a_block_is_as_the_dense_gaussian_has_it(noise):
+    block = swayed(noise)
+    bare = covariance(block.t_s, noise, block.extra)
+    both = bare + block.sways @ block.sways.T
+    likely = block.sways @ block.sways.T @ np.linalg.solve(both, block.value)
+    assert calm(block, noise).value == pytest.approx(block.value - likely)
 
 
 @pytest.mark.parametrize("noise", NOISES)
