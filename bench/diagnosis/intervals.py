@@ -201,6 +201,9 @@ def interval(
             )
             fall = (tried.cost - found.cost) / deflated
             end = at
+            if fall > FALL and abs(at - middle) < half - EDGE:  # a bound, and beyond the end
+                end = middle + (at - middle) * float(np.sqrt(FALL / fall))
+                break
             if fall >= FALL or (reach == REACH[0] and fall > SOON * FALL) or at in (low, high):
                 if reach > REACH[0] and fall > before:
                     last = middle + side * half * reach / 2.0

@@ -10,7 +10,7 @@ from pendulum_logs import POSITION, logs, model_of
 from bench.diagnosis import intervals, valleys
 from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
-from bench.diagnosis.intervals import REACH, Spread, _inverse, estimates, interval
+from bench.diagnosis.intervals import FALL, REACH, Spread, _inverse, estimates, interval
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.nuisances import LATE_S
@@ -172,6 +172,20 @@ def test_an_interval_ends_where_the_number_does():
     k = len(found.z) - 1
     low, high = interval(model, found, spread, wide, k)
     assert (low, high) == found.hypothesis.knobs[0].bounds
+
+
+def test_a_bound_that_the_likelihood_excludes_is_no_end(cable):
+    """The formula's end is beyond nothing at all; recordings know that there is something."""
+    model, found = cable
+    spread = Spread(model, found)
+    k = len(found.z) - 2
+    wide = spread.variances()
+    wide[k] = (0.6 * found.z[k]) ** 2
+    low, high = interval(model, found, spread, wide, k)
+    assert found.z[k] - NORMAL * np.sqrt(wide[k]) < 0.0 < low < found.z[k] < high
+    without = fit(model, Hypothesis(), found.z[:-2])
+    nats = (without.cost - found.cost) * spread.believed[k, k] / wide[k]
+    assert low == pytest.approx(found.z[k] * (1.0 - np.sqrt(FALL / nats)), rel=0.05)
 
 
 def test_an_interval_is_never_narrower_than_its_variance_nor_wider_than_was_looked_at(cable):
