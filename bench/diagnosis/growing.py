@@ -162,7 +162,7 @@ def _chosen(
     for gain in gains[:2]:
         if gain.deflated < max(NEEDED, gains[0].deflated - CLOSE):
             break
-        if changes_little([model], now, gain.fit, gain.effect):
+        if changes_little([model], now, gain.fit, gain.effect, gain.deflated):
             continue
         plainly = gain.deflated > PLAIN
         if not plainly and inside(model, now, gain.fit, floors).relief < RELIEF:
@@ -194,7 +194,7 @@ def _promising(
         bool(gains)
         and gains[0].deflated > PROVISIONAL
         and inside(model, now, gains[0].fit, floors).relief > RELIEF
-        and not changes_little([model], now, gains[0].fit, gains[0].effect)
+        and not changes_little([model], now, gains[0].fit, gains[0].effect, gains[0].deflated)
     )
 
 

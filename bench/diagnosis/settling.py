@@ -246,7 +246,8 @@ def _faint(
     """A name that the positions deny, or that changes next to nothing, however sure it seems."""
     everywhere = (model, judge) if judge is not None else (model,)
     for part in parts:
-        if changes_little(everywhere, part.without, after, part.gain.effect):
+        nats = min(part.own.deflated, part.gain.outside)
+        if changes_little(everywhere, part.without, after, part.gain.effect, nats):
             worse = contradicted(everywhere, part.without, after)
             return Denied(part.gain, CONTRADICTED if worse else FAINT, again=False)
     return None

@@ -9,6 +9,9 @@ from bench.diagnosis.faint import (
     READ,
     SHARE,
     SHARED,
+    SURE_ONCE,
+    SURE_SHARED,
+    SURELY,
     changes_little,
     contradicted,
     faint,
@@ -50,6 +53,23 @@ def test_a_name_that_changes_less_than_engines_differ_by_is_none(positions, duty
     assert faint(before, now, NOISE, {Kind.POSITION: FLOOR, Kind.DUTY: 1e-2}) == expected
 
 
+@pytest.mark.parametrize(("nats", "named"), [(0.9 * SURELY, False), (1.1 * SURELY, True)])
+@pytest.mark.parametrize(("share", "there"), [(1.2, True), (0.8, False)])
+def test_a_name_that_is_sure_may_leave_a_small_trace(share, there, nats, named, monkeypatch):
+    """Not none: what gains without any trace is noise that was estimated otherwise."""
+    model = model_of(logs(motions=["slow"]))
+    engines = engines_rad(model) ** 2
+    falls = np.array([SURE_ONCE, SURE_SHARED * 3.0 - SURE_ONCE, 0.0]) * share * engines
+    squares = {"without": 3e-6 + falls, "with": 3e-6 + 0.0 * falls}
+    monkeypatch.setattr(
+        "bench.diagnosis.faint.group_squares", lambda _, found: {Kind.POSITION: squares[found]}
+    )
+    monkeypatch.setattr("bench.diagnosis.faint.within_ticks", lambda *_: False)
+    monkeypatch.setattr("bench.diagnosis.faint.strained", lambda *_: False)
+    monkeypatch.setattr("bench.diagnosis.faint.contradicted", lambda *_: False)
+    assert changes_little([model], "without", "with", "punch", nats) is not (named and there)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "expected"),
     [
@@ -78,7 +98,7 @@ def test_what_takes_a_strain_off_tolerances_is_no_faint_name(monkeypatch):
     named, named_far = (Fit(Hypothesis(knobs), np.append(z, 0.0), noise, 0.0) for z in (usual, far))
     assert strained(model, stretched)
     assert not strained(model, eased)
-    monkeypatch.setattr("bench.diagnosis.faint.hardly_better", lambda *_: True)
+    monkeypatch.setattr("bench.diagnosis.faint.hardly_better", lambda *_, sure: True)
     assert not changes_little([model], stretched, named, "gain_error")
     assert changes_little([model], eased, named, "gain_error")
     assert changes_little([model], stretched, named_far, "gain_error")
