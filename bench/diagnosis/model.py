@@ -264,16 +264,23 @@ class JointModel:
         result: list[Blocks] = [{} for _ in vectors]
         for k, r in enumerate(which):
             these = range(k, len(candidates), len(which))
+            some = [candidates[j] for j in these]
             out = np.stack([outs[j] for j in these])
             duty = np.stack([duties[j] for j in these]) if duties else None
-            source = np.array([candidates[j].source_ohm for j in these])
-            voltage = np.array([candidates[j].voltage_v for j in these])
-            late = np.array([candidates[j].drive[kernel.DELAY] for j in these])
             for kind in kinds:
-                blocks = self._left[r].blocks(kind.channel, out, duty, source, voltage, late)
+                blocks = self._blocks(r, kind, some, out, duty)
                 for found, block in zip(result, blocks, strict=bool(blocks)):
                     found[r, kind] = self._swaying(r, block) if kind is Kind.POSITION else block
         return result
+
+    def _blocks(
+        self, r: int, kind: Kind, some: Sequence[Candidate], out: Floats, duty: Floats | None
+    ) -> list[Block]:
+        """A block of recording ``r`` for each candidate, of its rollout; none if it has no kind."""
+        source = np.array([c.source_ohm for c in some])
+        voltage = np.array([c.voltage_v for c in some])
+        late = np.array([c.drive[kernel.DELAY] for c in some])
+        return self._left[r].blocks(kind.channel, out, duty, source, voltage, late)
 
     def _swaying(self, r: int, block: Block) -> Block:
         return replace(block, sways=self._sways[r]) if self._sways[r].any() else block
@@ -292,15 +299,7 @@ class JointModel:
         found = []
         for r in which:
             these = slice(r * len(ways), (r + 1) * len(ways))
-            some = swayed[these]
-            blocks = self._left[r].blocks(
-                Kind.POSITION.channel,
-                np.stack(outs[these]),
-                None,
-                np.array([c.source_ohm for c in some]),
-                np.array([c.voltage_v for c in some]),
-                np.zeros(len(ways)),
-            )
+            blocks = self._blocks(r, Kind.POSITION, swayed[these], np.stack(outs[these]), None)
             sways = np.zeros((len(blocks[0].value) if blocks else 0, len(SWAYS)))
             if blocks and not runs_away(dict(enumerate(blocks))):
                 sways = np.stack(
