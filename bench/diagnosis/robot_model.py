@@ -113,7 +113,7 @@ class RobotModel:
         say("replaying from slightly other starts")
         self.spread = self._spread()
         say("replaying with what is never exactly as believed")
-        self.traces = self._traces()
+        self.traces = self._traces(nothing, ())
         self._data = [self._recorded(f) for f in self.features]
         self._extra = [self._variance(r) for r in self._every]
 
@@ -155,28 +155,43 @@ class RobotModel:
         spread = self.spread[self.motion[r]]
         return spread | {RobotKind.JOINTS: outcome.scatter_rad2 + spread[RobotKind.JOINTS]}
 
-    def _traces(self) -> list[dict[RobotKind, Floats]]:
+    def retrace(self, settings: Sequence[tuple[str, float]], z: Floats) -> None:
+        """Take what nuisances do from replays around effects and nuisances where a fit has led.
+
+        The same small things move a robot otherwise that is changed much.
+        """
+        at = replayable(self.nuisances, z)
+        self.traces = self._traces(tuple(settings), tuple(at.tolist()) if at.any() else ())
+
+    def _traces(self, settings: Settings, at: tuple[float, ...]) -> list[Rows]:
         """By recording and kind: rows x nuisances, each for one deviation of its prior."""
         motions = sorted(set(self._like))
-        every = self._trials
-        jobs = [Job(m, trial=trial.name, short=True) for m in motions for trial in every]
+        every = ("", *(trial.name for trial in self._trials))
+        jobs = [
+            Job(m, settings, trial=name, nuisances=at, short=True)
+            for m in motions
+            for name in every
+        ]
         found = iter(self._run(jobs))
         traces = {}
         for m in motions:
-            by_trial = {}
-            for trial in every:
+            middle, by_trial = next(found), {}
+            for trial in self._trials:
                 rows = next(found)
                 by_trial[trial.name] = {
-                    kind: (rows[kind] - base) / trial.size for kind, base in self._plain[m].items()
+                    kind: (rows[kind] - base) / trial.size for kind, base in middle.items()
                 }
-            columns = [self._trace(m, nuisance, by_trial) for nuisance in self.nuisances]
+            (whole,) = self.replays.run([Job(m, settings, nuisances=at)])
+            columns = [self._trace(m, nuisance, by_trial, whole) for nuisance in self.nuisances]
             traces[m] = {
                 kind: np.nan_to_num(np.stack([column[kind] for column in columns], axis=1))
-                for kind in self._plain[m]
+                for kind in middle
             }
         return [traces[m] for m in self._like]
 
-    def _trace(self, m: int, nuisance: RobotNuisance, by_trial: Mapping[str, Rows]) -> Rows:
+    def _trace(
+        self, m: int, nuisance: RobotNuisance, by_trial: Mapping[str, Rows], whole: Outcome
+    ) -> Rows:
         features = self.features[m]
         own = np.ones(len(features.bin), bool)
         if nuisance.joint:
@@ -184,12 +199,11 @@ class RobotModel:
         if nuisance.trial:
             rows = by_trial[nuisance.trial]
         else:
-            (outcome,) = self.replays.run([Job(m)])
             rows = {kind: np.zeros_like(base) for kind, base in self._plain[m].items()}
             if nuisance.name == "sampling":
-                rows[RobotKind.JOINTS] = outcome.speed_rad_s
+                rows[RobotKind.JOINTS] = whole.speed_rad_s
             elif nuisance.name == "turn":
-                rows[RobotKind.JOINTS] = outcome.turn_rad
+                rows[RobotKind.JOINTS] = whole.turn_rad
             else:
                 rows[RobotKind.JOINTS] = np.ones(len(features.bin))
         if nuisance.joint:

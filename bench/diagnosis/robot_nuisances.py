@@ -148,9 +148,12 @@ def tip_of(give_m_n: float) -> tuple[float, float]:
 
 
 def _tips(robot: PhysicalRobot, x: float) -> PhysicalRobot:
-    stiffness, damping = tip_of(x)
     kind = effect("foot_compliance")
-    return kind.apply(robot, (), {"stiffness_n_m": stiffness, "damping_n_s_m": damping})
+    for leg in robot.legs:
+        stiffness, damping = tip_of(1.0 / leg.foot.stiffness_n_m + x)
+        values = {"stiffness_n_m": stiffness, "damping_n_s_m": damping}
+        robot = kind.apply(robot, (leg.name,), values)
+    return robot
 
 
 def _of_each_leg(robot: PhysicalRobot, name: str) -> tuple[str, ...]:

@@ -37,6 +37,9 @@ WIDENED = 3  #: times at most that a curve is made longer for a fit
 KEPT = 0.8  #: of a promised gain that an exact replay must bear out for curves to be believed
 PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
 SETTLED = 3  #: times at most that exact replays and a fit take turns
+REFINED = 2  #: times at most that what nuisances do is taken anew where a fit has led
+WORTH = 5.0  #: gain [nats] of the first of them from which there is another
+BEST = 3  #: effects of a step that are refined before one is chosen
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 #: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
 #: much of it, are two valleys
@@ -159,7 +162,7 @@ class RobotSearch:
     def believed(self) -> RobotFit:
         """What the operator believes, with all that is never exactly so."""
         self._say("fitting what the operator believes")
-        return self.settle(self.sight.fit())
+        return self.refined(self.settle(self.sight.fit()))
 
     def nothing(self, base: RobotFit) -> RobotFindings:
         """That what the operator believes is all there is to say."""
@@ -183,6 +186,17 @@ class RobotSearch:
         assert best is not None
         self.model.recentre(best.settings, best.nuisances, self.which)
         return best
+
+    def refined(self, settled: RobotFit) -> RobotFit:
+        """A settled fit that goes on with what nuisances do there, which is where that is left."""
+        for _ in range(REFINED):
+            before = settled.cost
+            self.model.retrace(settled.settings, settled.nuisances)
+            further = self._fit(settled.names, settled.z, settled.noise)
+            settled = self.settle(further, settled)
+            if settled.cost > before - WORTH:
+                break
+        return settled
 
     def _replayed(self, found: RobotFit) -> RobotFit:
         self.model.recentre(found.settings, found.nuisances, self.which)
@@ -209,15 +223,17 @@ class RobotSearch:
         what they promise is counted in full here.
         """
         plain, begun = self._left_out(now), self._whole_square(now)
-        held: list[RobotGain] = []
         for k, gain in enumerate(gains):
             if gain.nats < NEEDED and gain.name not in named:
                 continue
             self._say(f"replaying {gain.name} exactly")
-            exact = self._exactly(gain, now)
-            gains[k] = self._with(gain, now, exact, plain)
-            if self._stands(gains[k], now, begun):
-                held.append(gains[k])
+            gains[k] = self._with(gain, now, self._exactly(gain, now), plain)
+        best = sorted(range(len(gains)), key=lambda k: -gains[k].deflated)[:BEST]
+        for k in best:
+            if gains[k].nats >= NEEDED:
+                self._say(f"replaying what is ordinary beside {gains[k].name}")
+                gains[k] = self._with(gains[k], now, self.refined(gains[k].fit), plain)
+        held = [gain for gain in gains if self._stands(gain, now, begun)]
         chosen = max(held, key=lambda gain: gain.deflated, default=None)
         if chosen is not None:
             self._say(f"replaying much of {chosen.name}")
@@ -227,6 +243,7 @@ class RobotSearch:
                 chosen = far
         gains.sort(key=lambda gain: -gain.deflated)
         fit = now if chosen is None else chosen.fit
+        self.model.retrace(fit.settings, fit.nuisances)
         self.model.recentre(fit.settings, fit.nuisances, self.which)
         return chosen
 
