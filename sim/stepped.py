@@ -19,7 +19,7 @@ import numpy as np
 from busemu.plant import DriveCommand, ServoState
 
 from .drive import kernel
-from .drive.bank import DriveBank, command_column
+from .drive.bank import EVERY, DriveBank, Fields, command_column
 from .drive.kernel import Array
 from .shown import ShownDuty, ShownPosition
 from .tree import PhysicalRobot
@@ -28,6 +28,8 @@ from .watch import WATCH_S, Contacts, Event, Watch
 TICK_S = (
     0.001  #: period of the servo's control interrupt; source: measured on AX-12+ (ROBOTIS forum)
 )
+LATE = list(kernel.GOALS)  #: of a command's column, what comes late by the drive's delay
+PROMPT = [field for field in range(kernel.COMMANDS) if field not in kernel.GOALS]
 ON_GRID = 1e-6  #: share of a grid's spacing within which an instant counts as on the grid
 
 
@@ -109,7 +111,7 @@ class SteppedPlant:
             self._renewed = ShownDuty(robot.reading.load_refresh_s, count)
         self.reading = robot.reading
         self._delays_s = [joint.drive.delay_s for joint in robot.joints]
-        self._waiting: deque[tuple[int, int, Array]] = deque()
+        self._waiting: deque[tuple[int, int, Fields, Array]] = deque()
         self._steps = 0
         self._reached_s = 0.0  # the end of the last step
         self._now_s = 0.0
@@ -137,13 +139,20 @@ class SteppedPlant:
         self._now_s = to_s
 
     def command(self, servo_id: int, command: DriveCommand) -> None:
-        """Set what a drive shall do from the next tick on, later by its transport delay."""
-        i = self._index[servo_id]
-        tick = grid_index(self._now_s + self._delays_s[i], TICK_S, up=False) + 1
+        """Set what a drive shall do from the next tick on; its goal later by its delay."""
+        i, column = self._index[servo_id], command_column(command)
+        if self._delays_s[i] == 0.0:
+            self._put(0.0, i, EVERY, column)
+            return
+        self._put(0.0, i, PROMPT, column)
+        self._put(self._delays_s[i], i, LATE, column)
+
+    def _put(self, late_s: float, i: int, fields: Fields, column: Array) -> None:
+        tick = grid_index(self._now_s + late_s, TICK_S, up=False) + 1
         place = len(self._waiting)
         while place and self._waiting[place - 1][0] > tick:  # only where delays differ
             place -= 1
-        self._waiting.insert(place, (tick, i, command_column(command)))
+        self._waiting.insert(place, (tick, i, fields, column))
 
     def sample(self, servo_id: int) -> ServoState:
         """The state of one servo at exactly the instant last advanced to.
@@ -224,8 +233,18 @@ class SteppedPlant:
     def _hand_over(self, tick: int) -> None:
         """Give the drives the commands that act from this tick on."""
         while self._waiting and self._waiting[0][0] <= tick:
-            _, i, column = self._waiting.popleft()
-            self.bank.command(i, column)
+            _, i, fields, column = self._waiting.popleft()
+            on = column[kernel.ENABLED] > 0.0 >= self.bank.commands[kernel.ENABLED, i]
+            if on and fields is PROMPT:  # a drive that is switched on knows its goal at once
+                fields = EVERY
+                self._forget(i, column)
+            self.bank.command(i, column, fields)
+
+    def _forget(self, i: int, column: Array) -> None:
+        """Drop goals of a drive that wait until the late part of a command."""
+        last = next(k for k, waiting in enumerate(self._waiting) if waiting[3] is column)
+        kept = [w for k, w in enumerate(self._waiting) if w[1] != i or k > last]
+        self._waiting = deque(kept)
 
     def _look(self) -> None:
         powered = bool(self.bank.commands[kernel.ENABLED].any())

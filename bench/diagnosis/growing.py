@@ -29,7 +29,7 @@ from .search import (
     screen,
     worth_fitting,
 )
-from .valleys import DEEPER, afresh, explore
+from .valleys import DEEPER, afresh, elsewhere, explore
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
@@ -88,7 +88,9 @@ def grow(
                 chosen = gains[0]
             if chosen is None:
                 break
+            say(f"fitting {chosen.effect} from elsewhere")
             now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
+            now = elsewhere(model, now)
             taken.append(chosen)
             now, taken = prune(model, now, taken, say)
             ask(now)

@@ -173,9 +173,12 @@ class _Stage(SteppedPlant):
         ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
         sensed = np.empty((ticks, len(self._names)))
         heights = []
-        # a command acts from the first tick after it, as behind the bus
-        due = np.floor((course.events[:, 0] + LATE_S - from_s) / TICK_S + 1e-6).astype(int) + 1
-        rows = course.events[:, 1:].tolist()
+        # a command acts from the first tick after it, as behind the bus, a goal by a delay later
+        delay_s = np.array(self._delays_s)[course.events[:, 1].astype(int)]
+        late_s = LATE_S + np.where(np.isin(course.events[:, 2], kernel.GOALS), delay_s, 0.0)
+        due = np.floor((course.events[:, 0] + late_s - from_s) / TICK_S + 1e-6).astype(int) + 1
+        order = np.argsort(due, kind="stable")
+        due, rows = due[order], course.events[order, 1:].tolist()
         self.bank.commands[:] = course.start
         k = 0
         for tick in range(ticks):

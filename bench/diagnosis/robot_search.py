@@ -39,7 +39,7 @@ PART = 0.3  #: of the way that a fit would go, where the whole of it leads to wo
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 REFINED = 2  #: times at most that what nuisances do is taken anew where a fit has led
 WORTH = 5.0  #: gain [nats] of the first of them from which there is another
-BEST = 3  #: effects of a step that are refined before one is chosen
+BEST = 2  #: effects of a step that are refined before one is chosen
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 #: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
 #: much of it, are two valleys

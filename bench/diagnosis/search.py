@@ -32,11 +32,14 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 SIZES = (0.05, 0.2, 0.7, 2.0, 6.0)  #: of amplitudes, in typical sizes, at which an effect is tried
-#: at which it is tried where none of those promises anything: a limit does nothing until it is
-#: reached, and then soon too much; and gains that nobody set, say, add up
+#: at which it is tried where none of those promises anything: gains that nobody set, say, add up
 BETWEEN, FINER = (0.1, 0.4, 1.0, 1.4, 3.5), (0.003, 0.012)
 #: by what the best of these is scaled to see whether another size is better, and how far from it
 GROWN, FARTHER = 1.2, 4.0
+#: effects that do nothing until something reaches them, and then soon too much: their sizes are
+#: tried so close to each other, from the least that anything might reach
+LIMITS = frozenset({"acceleration_limit", "current_limit", "torque_limit", "velocity_limit"})
+CLOSER = 1.25
 SHAPES = (-1.2, 0.0, 1.2)  #: of parameters that only shape it
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken; see docs on power
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on recordings not used to fit
@@ -119,6 +122,15 @@ def starts(knobs: Sequence[Knob], some: Sequence[float] = SIZES) -> list[Floats]
                 np.array([(left if k.parameter.shape else own).pop(0) for k in knobs], np.float64)
             )
     return tried
+
+
+def limits(knob: Knob) -> list[float]:
+    """Values of a limit's knob to try, from the highest limit that there may be to the lowest."""
+    least = knob.at(knob.parameter.high / CLOSER) if knob.inverse else SIZES[0]
+    most = knob.bounds[1]
+    count = 1 + math.ceil(math.log(most / least) / math.log(CLOSER))
+    found: list[float] = np.geomspace(least, most, count).tolist()
+    return found
 
 
 def times(knobs: Sequence[Knob]) -> bool:
@@ -268,7 +280,8 @@ def _ranking(
             continue
         hypothesis = base.hypothesis + knobs
         best = (-np.inf, np.append(base.z, np.zeros(len(knobs))))
-        for some in (SIZES, BETWEEN, FINER):
+        every = (limits(knobs[0]),) if effect.name in LIMITS else (SIZES, BETWEEN, FINER)
+        for some in every:
             if best[0] < PROMISING and not (some is FINER and times(knobs)):
                 tries = vectors_to_try(model, base, effect, knobs, some)
                 best = max([best, *tried(hypothesis, tries)], key=lambda pair: pair[0])

@@ -8,11 +8,16 @@ from there.
 Nuisances that have strayed far stand in for what a hypothesis lacks, and a fit of the effect that
 it lacked begins among them: with both there are two causes for one misfit, in a valley that is not
 the deepest. So it is begun once more where all nuisances are as believed.
+
+Where a joint comes to rest depends on friction in steps, and so does the likelihood, the more the
+less noise is left: from there no small change leads on. So a hypothesis that is taken is begun once
+more with more and with less friction of either kind.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -28,6 +33,8 @@ LOOSE = 0.1  #: least of these units for an amount
 DEEPER = 3.0  #: gain [nats] that counts: friction and rounding leave the likelihood rough
 WALKS = 4  #: how often the best move is followed
 STRAYED = 0.9 * WITHIN  #: deviations of a nuisance that stands in for something else
+FRICTION = ("coulomb_level", "viscous_level")  #: nuisances with which fits are begun elsewhere
+AWAY = 1.5  #: deviations of these
 ROUNDS = 3  #: of fitting and estimating the noise, as where an effect is confirmed
 
 
@@ -75,3 +82,19 @@ def afresh(model: JointModel, base: Fit, found: Fit, effect: str) -> Fit:
 def strayed(model: JointModel, found: Fit) -> bool:
     """Whether any nuisance of a fit is about as far off as a tolerance reaches."""
     return bool((np.abs(found.z[: len(model.nuisances)]) > STRAYED).any())
+
+
+def elsewhere(model: JointModel, found: Fit) -> Fit:
+    """The fit, or a deeper one begun with more or less friction, all else as believed."""
+    names = [n.name for n in model.nuisances]
+    idle = model.idle(found.hypothesis)
+    own = [names.index(name) for name in FRICTION if name in names and name not in idle]
+    best = found
+    for signs in product((-AWAY, AWAY), repeat=len(own)):
+        start = found.z.copy()
+        start[: len(names)] = 0.0
+        start[own] = signs
+        tried = fit(model, found.hypothesis, start)
+        if tried.cost < best.cost - DEEPER:
+            best = tried
+    return best

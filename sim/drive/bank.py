@@ -18,6 +18,8 @@ MODES = {
     OperatingMode.VELOCITY: kernel.MODE_VELOCITY,
     OperatingMode.PWM: kernel.MODE_PWM,
 }
+Fields = slice | list[int]  #: of a command's column
+EVERY = slice(None)
 
 
 def command_column(command: DriveCommand) -> Array:
@@ -82,9 +84,9 @@ class DriveBank:
         view: Array = self.states[kernel.TORQUE]
         return view
 
-    def command(self, index: int, column: Array) -> None:
-        """Give one servo a command, as made by :func:`command_column`."""
-        self.commands[:, index] = column
+    def command(self, index: int, column: Array, fields: Fields = EVERY) -> None:
+        """Give one servo a command, as made by :func:`command_column`, or some fields of it."""
+        self.commands[fields, index] = column[fields]
 
     def tick(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Run every firmware once on the shafts' angles and velocities."""

@@ -73,7 +73,7 @@ INTEGRAL_MORE = 28  #: added to the integral gain [1/(rad s)]
 VELOCITY_CAP = 29  #: velocity limit nobody set [rad/s], infinite is none
 DUTY_CAP = 30  #: duty limit nobody set
 CURRENT_CAP = 31  #: of the bridge [A], infinite is none
-DELAY = 32  #: from a command's arrival to the controller [s]
+DELAY = 32  #: from a goal's arrival to the controller [s]
 ZERO_OFFSET = 33  #: of the sensed position [rad]
 WAVE = 34  #: amplitude of the sensor's nonlinearity [rad]
 WAVE_PERIODS = 35  #: of it in a turn
@@ -114,6 +114,8 @@ INTEGRAL_GAIN = 12
 DERIVATIVE_GAIN = 13
 ACCELERATION_LIMIT = 14
 COMMANDS = 15
+#: what comes late by a drive's delay; whatever else is told holds at once
+GOALS = (GOAL_POSITION, GOAL_VELOCITY, GOAL_DUTY)
 
 MODE_POSITION = 0.0
 MODE_VELOCITY = 1.0

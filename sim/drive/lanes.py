@@ -24,7 +24,11 @@ from .kernel import (
     CURRENT,
     DELAY,
     DUTY,
+    ENABLED,
     GEAR_STIFFNESS,
+    GOAL_DUTY,
+    GOAL_POSITION,
+    GOAL_VELOCITY,
     HEAT,
     PARAMS,
     ROTOR_INERTIA,
@@ -101,12 +105,13 @@ TICK_SINE = 21  #: of the shaft's angle
 MEMORIES = 22
 
 # --- how far a rollout's lanes are: at[field, lane]
-EVENT = 0  #: number of the next event
-SEEN = 1  #: number of the next sample whose angle is to be seen
-SAMPLE = 2  #: number of the next sample whose rest is to be taken
-TICKS = 3  #: how many ticks there are
-GRAVITIES = 4  #: how many rows of gravity there are, 1 where it does not turn
-PLACES = 5
+EVENT = 0  #: number of the next event that is no goal
+GOAL_EVENT = 1  #: number of the next event that is a goal
+SEEN = 2  #: number of the next sample whose angle is to be seen
+SAMPLE = 3  #: number of the next sample whose rest is to be taken
+TICKS = 4  #: how many ticks there are
+GRAVITIES = 5  #: how many rows of gravity there are, 1 where it does not turn
+PLACES = 6
 
 # --- a group of jobs, rolled out in lockstep: group[row, lane]. All is in one array: the compiler
 # then knows how far rows lie apart, and that a vector of lanes can be read, moved and written
@@ -208,7 +213,7 @@ def begin(
         recording = jobs.recording[job]
         end, skew = jobs.end_s[recording], loads[SAMPLE_SKEW, k]
         at[TICKS, k] = math.ceil((end + max(0.0, skew)) / tick_s) + 1
-        at[EVENT, k] = jobs.event_range[recording]
+        at[EVENT, k] = at[GOAL_EVENT, k] = jobs.event_range[recording]
         at[SEEN, k] = at[SAMPLE, k] = jobs.sample_range[recording]
         lanes[NEXT_EVENT, k] = lanes[NEXT_SEEN, k] = lanes[NEXT_SAMPLE, k] = -math.inf
         lanes[DUTY_DUE, k], lanes[DUTY_SHOWN, k] = loads[DUTY_PHASE, k], 0.0
@@ -315,18 +320,61 @@ def hear(
     arrays: Arrays, jobs: Jobs, job: int, k: int, now: float, lanes: Array, at: Integers
 ) -> None:
     """Let what a lane was told until now hold."""
-    event, last_event = at[EVENT, k], jobs.event_range[jobs.recording[job] + 1]
-    while event < last_event and jobs.events[event, 0] + arrays.params[DELAY, k] <= now:
-        field = int(jobs.events[event, 1])
-        if field >= SUPPLY_EVENT:
-            arrays.supplies[field - SUPPLY_EVENT, k] = jobs.events[event, 2]
-        else:
-            arrays.commands[field, k] = jobs.events[event, 2]
-        event += 1
-    at[EVENT, k] = event
+    recording = jobs.recording[job]
+    first, last = at[EVENT, k], jobs.event_range[recording + 1]
+    delay = arrays.params[DELAY, k]
+    at[EVENT, k], at[GOAL_EVENT, k] = heard(
+        arrays, jobs.events, k, now, delay, first, at[GOAL_EVENT, k], last
+    )
     lanes[NEXT_EVENT, k] = math.inf
-    if event < last_event:
-        lanes[NEXT_EVENT, k] = jobs.events[event, 0] + arrays.params[DELAY, k]
+    if at[EVENT, k] < last:
+        lanes[NEXT_EVENT, k] = jobs.events[at[EVENT, k], 0]
+    if at[GOAL_EVENT, k] < last:
+        due = jobs.events[at[GOAL_EVENT, k], 0] + delay
+        lanes[NEXT_EVENT, k] = min(lanes[NEXT_EVENT, k], due)
+
+
+@inlined
+def heard(
+    arrays: Arrays,
+    events: Array,
+    k: int,
+    now: float,
+    delay: float,
+    event: int,
+    goal: int,
+    last: int,
+) -> tuple[int, int]:
+    """Let events of a lane hold, goals late by its delay; the numbers of those that come next.
+
+    A drive that is switched on knows its goal at once.
+    """
+    known = -math.inf  # goals up to here hold, however late
+    while event < last and events[event, 0] <= now:
+        field = int(events[event, 1])
+        if field >= SUPPLY_EVENT:
+            arrays.supplies[field - SUPPLY_EVENT, k] = events[event, 2]
+        elif not late(field):
+            arrays.commands[field, k] = events[event, 2]
+            if field == ENABLED and events[event, 2] > 0.0:
+                known = events[event, 0]
+        event += 1
+    while goal < last and (events[goal, 0] + delay <= now or events[goal, 0] <= known):
+        field = int(events[goal, 1])
+        if late(field):
+            arrays.commands[field, k] = events[goal, 2]
+        goal += 1
+    while event < last and late(int(events[event, 1])):
+        event += 1
+    while goal < last and not late(int(events[goal, 1])):
+        goal += 1
+    return event, goal
+
+
+@inlined
+def late(field: int) -> bool:
+    """Whether what an event changes comes late by a drive's delay."""
+    return field in (GOAL_POSITION, GOAL_VELOCITY, GOAL_DUTY)
 
 
 @inlined
@@ -476,18 +524,14 @@ def regulate_one(
     out: Array,
 ) -> None:
     """One job of :func:`regulate`."""
-    params, commands = arrays.params, arrays.commands
     recording = jobs.recording[job]
     event, last_event = jobs.event_range[recording], jobs.event_range[recording + 1]
+    goal, delay = event, arrays.params[DELAY, k]
     first, last = jobs.sample_range[recording], jobs.sample_range[recording + 1]
     sample, seen, tick = first, first, 0
     while sample < last:
         now = tick * tick_s
-        while event < last_event and jobs.events[event, 0] + params[DELAY, k] <= now:
-            field = int(jobs.events[event, 1])
-            if field < SUPPLY_EVENT:
-                commands[field, k] = jobs.events[event, 2]
-            event += 1
+        event, goal = heard(arrays, jobs.events, k, now, delay, event, goal, last_event)
         angle, pace = sensed[job, seen - first], 0.0
         if seen > first:
             span = max(jobs.samples[seen] - jobs.samples[seen - 1], 1e-6)

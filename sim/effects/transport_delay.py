@@ -1,4 +1,4 @@
-"""A command takes a while from the bus to the controller."""
+"""A goal takes a while from the bus to the controller; what else is told holds at once."""
 
 from __future__ import annotations
 
