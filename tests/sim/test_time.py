@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from sim_rigs import LAWS, hold
+from sim_rigs import LAWS, hold, with_effect
 
 from busemu.plant import DriveCommand, Plant
 from busemu.tables import Robot, load_robot
@@ -113,6 +113,28 @@ def test_a_goal_given_at_a_tick_leaves_that_tick_to_the_earlier_goal(make: Make)
     assert p.sample(1).duty > 0.5
     p.advance(0.0115)
     assert p.sample(1).duty < -0.5
+
+
+def test_goals_are_late_and_switching_is_not(make: Make) -> None:
+    robot = with_effect(load_robot("marvin"), "transport_delay", [], delay_s=0.01)
+    p = make(robot, held=True)
+
+    def told(goal: float, *, on: bool = True) -> None:
+        p.command(1, DriveCommand(torque_enable=on, goal_position_rad=goal, **LAWS["marvin"]))
+
+    told(-0.5, on=False)  # what was told before it was switched on never comes
+    p.advance(0.0085)
+    told(0.5)
+    p.advance(0.0105)
+    assert p.sample(1).duty > 0.5
+    told(-0.5)
+    p.advance(0.0205)
+    assert p.sample(1).duty > 0.5
+    p.advance(0.0215)
+    assert p.sample(1).duty < -0.5
+    told(-0.5, on=False)
+    p.advance(0.0225)
+    assert p.sample(1).duty == 0.0
 
 
 def test_a_sample_lies_on_the_line_between_two_steps(make: Make) -> None:

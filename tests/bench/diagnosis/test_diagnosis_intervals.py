@@ -29,7 +29,7 @@ from bench.diagnosis.settling import (
     _unsure,
     explained,
 )
-from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, explore, strayed
+from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, elsewhere, explore, strayed
 from bench.diagnosis.veto import largest_step, objection
 from sim.effects import effect
 from sim.stepped import TICK_S
@@ -104,6 +104,31 @@ def test_nothing_is_begun_afresh_where_nuisances_are_about_as_believed(rubbing, 
     near = replace(base, z=0.5 * STRAYED * np.sign(base.z))
     monkeypatch.setattr(valleys, "fit", None)
     assert afresh(model, near, base, "load_friction") is base
+
+
+def test_a_fit_is_begun_with_more_and_less_friction_and_the_deepest_is_kept(rubbing, monkeypatch):
+    model, base = rubbing
+    begun = []
+
+    def tried(model, hypothesis, start):
+        begun.append(start)
+        return replace(base, z=start, cost=base.cost - gained[len(begun) - 1])
+
+    monkeypatch.setattr(valleys, "fit", tried)
+    gained = [0.0, 2.0 * DEEPER, 0.9 * DEEPER, 1.5 * DEEPER]
+    out = elsewhere(model, base)
+    assert out.cost == base.cost - 2.0 * DEEPER
+    assert out.z is begun[1]
+    own = [[n.name for n in model.nuisances].index(name) for name in valleys.FRICTION]
+    count = len(model.nuisances)
+    signs = np.sign([start[own] for start in begun]).tolist()
+    assert sorted(signs) == [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]
+    for start in begun:
+        assert not np.delete(start[:count], own).any()
+        assert (start[count:] == base.z[count:]).all()
+    begun.clear()
+    gained = [0.9 * DEEPER] * 4
+    assert elsewhere(model, base) is base
 
 
 def test_intervals_hold_the_truth(cable):

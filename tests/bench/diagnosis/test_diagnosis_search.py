@@ -1,5 +1,6 @@
 """Which effects: the right one of a few, none on a null; groups stay whole."""
 
+import itertools
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -21,6 +22,8 @@ from bench.diagnosis.running import (
     without_effects,
 )
 from bench.diagnosis.search import (
+    CLOSER,
+    LIMITS,
     NEEDED,
     NUMBER_NATS,
     PROMISING,
@@ -29,6 +32,7 @@ from bench.diagnosis.search import (
     Outside,
     folds,
     held_out,
+    limits,
     screen,
     starts,
     vectors_to_try,
@@ -416,6 +420,26 @@ def test_a_limit_is_screened_between_where_it_does_nothing_and_where_it_does_too
     (knob,) = effect_knobs(effect("torque_limit"))
     assert gain > PROMISING
     assert knob.value(float(start[-1])) == pytest.approx(0.35, rel=0.15)
+
+
+@pytest.mark.parametrize("name", sorted(LIMITS))
+def test_a_limit_is_tried_from_the_highest_to_the_lowest_and_closely(name):
+    (knob,) = effect_knobs(effect(name))
+    tried = limits(knob)
+    values = [knob.value(z) for z in tried]
+    assert values == sorted(values, reverse=True)
+    assert max(values) != knob.parameter.off
+    assert min(values) == pytest.approx(knob.parameter.low)
+    assert all(1.0 < b / a <= 1.0001 * CLOSER for a, b in itertools.pairwise(tried))
+
+
+@pytest.mark.parametrize("limit", [0.9, 1.7])
+def test_a_speed_is_screened_where_it_is_limited(limit):
+    model = model_of(logs({"velocity_limit": {"limit_rad_s": limit}}, motions=("slow", "swell")))
+    none = Fit(Hypothesis(), np.zeros(len(model.nuisances)), base_of(model).noise, 0.0)
+    ((_, _, start),) = screen(model, none, [effect("velocity_limit")])
+    (knob,) = effect_knobs(effect("velocity_limit"))
+    assert knob.value(float(start[-1])) == pytest.approx(limit, rel=0.1)
 
 
 def test_of_many_effects_that_are_alike_more_are_worth_a_fit():

@@ -158,3 +158,23 @@ def test_all_recordings_and_legs_tell_once_what_shaking_engines_differ_by(model,
 
 def test_tolerances_shake_nothing(model):
     assert not any(traces[RobotKind.SHAKING].any() for traces in model.traces)
+
+
+def test_what_nuisances_do_is_taken_where_a_fit_has_led(model):
+    zero = np.zeros(len(model.nuisances))
+    first = [traces[RobotKind.JOINTS] for traces in model.traces]
+    soft = (("joint_compliance@all", TRUE_Z["joint_compliance@all"]),)
+    model.retrace(soft, zero)
+    there = [traces[RobotKind.JOINTS] for traces in model.traces]
+    model.retrace((), zero)
+    back = [traces[RobotKind.JOINTS] for traces in model.traces]
+    assert all((a == b).all() for a, b in zip(back, first, strict=True))
+    k = [n.name for n in model.nuisances].index("gain")
+    before, after = first[NULL][:, k], there[NULL][:, k]
+    assert np.std(after - before) > 0.2 * np.std(before)
+    # exactly so: a robot that is soft, and is that and has a larger gain
+    m = model._like[NULL]
+    trial = next(t for t in model._trials if t.name == "gain")
+    one, two = model._run([Job(m, soft, short=True), Job(m, soft, trial="gain", short=True)])
+    moved = (two[RobotKind.JOINTS] - one[RobotKind.JOINTS]) / trial.size
+    assert after == pytest.approx(moved * model.nuisances[k].deviation)

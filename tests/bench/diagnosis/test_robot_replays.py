@@ -117,3 +117,15 @@ def test_a_joints_own_nuisance_is_on_that_joint_alone():
     changed = with_nuisances(believed(), every, z)
     own = [j.name for j, k in zip(changed.joints, believed().joints, strict=True) if j != k]
     assert own == ["leg2.femur"]
+
+
+def test_a_goal_that_comes_late_moves_a_robot_later(plain):
+    from sim.effects import effect  # noqa: PLC0415
+
+    late_s = 0.01
+    late = effect("transport_delay").apply(believed(), (), {"delay_s": late_s})
+    track = play(late, walked())
+    features = Features.of(walked(), marvin())
+    moved = features.of_track(track)[0] - features.of_track(plain)[0]
+    speed, _ = features.speeds(plain)
+    assert -(speed @ moved) / (speed @ speed) == pytest.approx(late_s, rel=0.3)

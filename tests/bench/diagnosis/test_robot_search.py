@@ -21,11 +21,13 @@ from bench.diagnosis.robot_screen import (
 )
 from bench.diagnosis.robot_search import (
     BESIDE,
+    BEST,
     KEPT,
     NEEDED,
     PART,
     SPRINGS,
     WORSE,
+    WORTH,
     RobotGain,
     RobotSearch,
 )
@@ -93,9 +95,12 @@ def test_a_tolerance_at_its_end_is_tried_by_name_and_no_other():
 class Exact(RobotSearch):
     """A search whose exact replays give the same gains; squares of whole recordings are given."""
 
-    def __init__(self, squares, large=(), found_there=0.0, borne_out=1.0):
+    def __init__(self, squares, large=(), found_there=0.0, borne_out=1.0, refined=None):
         curves = SimpleNamespace(tries=lambda name: [1.0, *large])
-        self.model = SimpleNamespace(recentre=self._recentre, curves=curves)
+        self.model = SimpleNamespace(
+            recentre=self._recentre, retrace=lambda settings, z: None, curves=curves
+        )
+        self.more = refined or {}  #: what is gained beside that once traces are taken anew
         self.which, self.squares, self.replayed = [0], squares, []
         self.found_there = found_there  #: what is gained by a fit that begins at a large try
         self.at, self.borne_out = [], borne_out
@@ -105,6 +110,9 @@ class Exact(RobotSearch):
 
     def _say(self, stage):
         self.replayed.append(stage.split()[1])
+
+    def refined(self, settled):
+        return replace(settled, cost=settled.cost - self.more.get(settled.names, 0.0))
 
     def settle(self, found, begun=None):
         borne_out = self.borne_out if found.z.max(initial=0.0) < 8.0 else 1.0
@@ -151,14 +159,44 @@ def test_what_promises_enough_or_stands_for_a_tolerance_is_replayed():
     some = gains(1.1 * NEEDED, 0.9 * NEEDED, 0.5 * NEEDED)
     search = Exact({})
     holding(search, some, {some[-1].name})
-    assert search.replayed == ["effect0@all", "effect2@all", "much"]
+    assert search.replayed == ["effect0@all", "effect2@all", "what", "much"]
 
 
 def test_what_is_promised_is_not_divided_before_it_is_replayed():
     (gain,) = gains(1.1 * NEEDED)
     search = Exact({})
     assert holding(search, [replace(gain, inflation=5.0)]) is None
-    assert search.replayed == ["effect0@all"]
+    assert search.replayed == ["effect0@all", "what"]
+
+
+def test_the_best_few_are_compared_by_what_is_ordinary_beside_each_of_them():
+    some = gains(*(30.0 - k for k in range(BEST + 1)))
+    more = {gain.fit.names: 10.0 * k for k, gain in enumerate(some)}
+    taken = holding(Exact({}, refined=more), some)
+    assert taken.name == f"effect{BEST - 1}@all"
+    assert taken.nats == 30.0 + 9.0 * (BEST - 1)
+
+
+class Retraced(RobotSearch):
+    """A search in which each of some times that traces are taken anew gains so much."""
+
+    def __init__(self, gains):
+        self.model = SimpleNamespace(retrace=lambda settings, z: self.at.append(settings))
+        self.which, self.gains, self.at = [0], iter(gains), []
+
+    def _fit(self, names, start, noise):
+        return RobotFit(names, start, noise, np.nan)
+
+    def settle(self, found, begun=None):
+        return replace(begun, cost=begun.cost - next(self.gains))
+
+
+def test_traces_are_taken_anew_while_that_is_worth_it():
+    for first, cost in ((0.9 * WORTH, -0.9 * WORTH), (1.1 * WORTH, -1.1 * WORTH - 99.0)):
+        search = Retraced([first, 99.0, 99.0])
+        found = search.refined(fit("a@all", 0.0))
+        assert found.cost == pytest.approx(cost)
+        assert search.at[0] == (("a@all", 0.0),)
 
 
 @pytest.mark.parametrize("found_there", [5.0, 500.0])

@@ -8,7 +8,7 @@ from walking_robots import believed, marvin, walked
 
 from bench.diagnosis.robot_fit import Sight
 from bench.diagnosis.robot_model import RobotModel
-from bench.diagnosis.robot_nuisances import TIPS, nuisances, with_nuisances
+from bench.diagnosis.robot_nuisances import TIPS, nuisances, trials, with_nuisances
 from sim.effects import effect
 
 KNOWN = {n.name.split()[0] for n in nuisances(believed(), 0.005)} - {TIPS}
@@ -34,6 +34,15 @@ def test_feet_give_from_nothing_to_what_stiff_rubber_does():
 def test_feet_that_give_next_to_nothing_are_as_stiff_as_any_may_be():
     (leg, *_) = with_nuisances(believed(), [tips(believed())], [1e-3]).legs
     assert leg.foot.stiffness_n_m == effect("foot_compliance").parameters[0].high
+
+
+def test_feet_that_give_already_give_more():
+    one = tips(believed())
+    once = with_nuisances(believed(), [one], [0.5])
+    (trial,) = (t for t in trials(believed()) if t.name == TIPS)
+    twice = trial.change(once, 0.5 * one.deviation)
+    (leg, *_) = with_nuisances(believed(), [one], [1.0]).legs
+    assert twice.legs[0].foot.stiffness_n_m == pytest.approx(leg.foot.stiffness_n_m)
 
 
 def test_feet_of_which_the_file_speaks_have_no_such_tolerance():

@@ -293,6 +293,20 @@ def test_a_delay_is_commands_that_come_later() -> None:
     assert (slow != run(candidate(DRIVE), told)).any()
 
 
+@pytest.mark.parametrize("on", [True, False])
+def test_goals_alone_are_late_and_a_drive_that_is_switched_on_knows_its_goal(on: bool) -> None:
+    delay, at = 0.05, 0.1
+    start = replace(regulating(0.0 if on else 0.5), torque_enable=not on)
+    events = np.array([[at, kernel.ENABLED, float(on)], [at, kernel.GOAL_POSITION, 0.3]])
+    told = replay(start, events, duration_s=0.3)
+    plain, late = (run(candidate(replace(DRIVE, delay_s=x)), told) for x in (0.0, delay))
+    assert (plain == late).all()
+    later = replace(told, events=told.events + np.array([0.02, 0.0, 0.0]))
+    assert (run(candidate(DRIVE), later) != plain).any()
+    duties = regulated(candidate(replace(DRIVE, delay_s=delay)), told, np.zeros(301))
+    assert (duties == regulated(candidate(DRIVE), told, np.zeros(301))).all()
+
+
 @pytest.mark.parametrize("skew", [0.0057, -0.0057])
 def test_a_skew_is_an_angle_of_another_instant_and_a_duty_of_this_one(skew: float) -> None:
     told = swinging(1.0, samples=np.arange(0.1, 0.9, 0.0123))
