@@ -128,6 +128,8 @@ def test_goals_are_late_and_switching_is_not(make: Make) -> None:
     p.advance(0.0105)
     assert p.sample(1).duty > 0.5
     told(-0.5)
+    p.advance(0.0135)
+    assert p.sample(1).duty > 0.5
     p.advance(0.0205)
     assert p.sample(1).duty > 0.5
     p.advance(0.0215)
