@@ -137,7 +137,8 @@ def diagnose_joint(
     unnamed = any(cause.effect not in seen for cause in in_data)
     calm = [block_rms(remaining(judge, found), Kind.POSITION) for found in (before, after)]
     worse = bool(causes) and is_worse(calm[0], calm[1], floor)
-    structured = unnamed or worse or rest.structured
+    stands_in = not causes and strained(model, after)  # that something is left nobody may deny
+    structured = unnamed or worse or stands_in or rest.structured
     verdict = verdict_of(bool(causes), structured)
     if verdict != "consistent" and not watch.late:
         rejected += supply_contradiction(model, after, tell)

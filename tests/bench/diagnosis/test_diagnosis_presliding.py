@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pendulum_logs import JOINT, POSITION, logs, robot
 
+from bench.diagnosis import joint
 from bench.diagnosis.fit import Fit, bounds, fit
 from bench.diagnosis.improved import additions
 from bench.diagnosis.joint import diagnose_joint
@@ -31,6 +32,14 @@ def seen(truth=None, motions=MOTIONS):
 def found():
     effects = {name: effect(name) for name in ASKED}
     return diagnose_joint(read_model(robot()), robot(), seen(GIVES_WAY), effects=effects)
+
+
+def test_where_tolerances_stand_in_for_something_nothing_is_called_consistent(monkeypatch):
+    effects = {"dead_zone": effect("dead_zone")}
+    for stand_in, verdict in ((False, "consistent"), (True, "unexplained")):
+        monkeypatch.setattr(joint, "strained", lambda model, found, say=stand_in: say)
+        one = diagnose_joint(read_model(robot()), robot(), seen(), effects=effects).diagnosis
+        assert (one.verdict, bool(one.unexplained)) == (verdict, stand_in)
 
 
 def the_one(model):
