@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -93,42 +94,48 @@ def test_an_effect_that_is_on_shows_in_what_a_program_reads(
     assert not same(moved(with_effect(robot, effect.name, **values)), plain[robot.name])
 
 
-def swing(robot: Robot, until_s: float) -> list[ServoState]:
-    """What the servo of a pendulum shows, a millisecond each, after a goal at time 0."""
+def swing(robot: Robot, until_s: float, begin: int = 0) -> list[ServoState]:
+    """What the servo of a pendulum shows, a millisecond each; its goal comes at ``begin``."""
     plant = BulletPlant(robot)
-    plant.command(1, DriveCommand(True, goal_position_rad=0.6, gain_ccw_per_rad=4.0))
+    goal = DriveCommand(True, goal_position_rad=0.6, gain_ccw_per_rad=4.0)
+    if begin:
+        plant.command(1, replace(goal, goal_position_rad=0.0))
     found = []
     for step in range(round(until_s * 1e3)):
         plant.advance(1e-3 * step)
+        if step == begin:
+            plant.command(1, goal)
         found.append(plant.sample(1))
     plant.close()
     return found
 
 
-def test_a_command_acts_later_by_the_transport_delay() -> None:
-    robot = load_robot("pendulum")
-    plain = [state.position_rad for state in swing(robot, 0.3)]
+def test_a_goal_acts_later_by_the_transport_delay() -> None:
+    robot, at = load_robot("pendulum"), 20
+    plain = [state.position_rad for state in swing(robot, 0.3, at)]
     late = [
         state.position_rad
-        for state in swing(with_effect(robot, "transport_delay", delay_s=0.02), 0.32)
+        for state in swing(with_effect(robot, "transport_delay", delay_s=0.02), 0.32, at)
     ]
-    assert late[20:] == pytest.approx(plain, abs=1e-9)
-    assert np.ptp(late[:20]) < 1e-6 < np.ptp(plain)
+    assert late[20 + at :] == pytest.approx(plain[at:], abs=1e-9)
+    assert np.ptp(late[: 20 + at]) < 1e-6 < np.ptp(plain)
 
 
-def test_commands_to_servos_with_other_delays_overtake_each_other() -> None:
+def test_goals_of_servos_with_other_delays_overtake_each_other() -> None:
     delay = {"delay_s": {"value": 0.05, "source": "assumed"}}
     table = {"name": "transport_delay", "where": ["coxa"], "parameters": delay}
     leg = load_robot("marvin-leg")
     plant = BulletPlant(parse_robot({**leg.document, "effect": [table]}, leg.path))
-    for servo_id in (1, 3, 5):  # the slow one first
-        goal = plant.sample(servo_id).position_rad
-        plant.command(servo_id, DriveCommand(True, goal_position_rad=goal + 0.3))
-    plant.advance(0.03)
-    on = plant.bank.commands[kernel.ENABLED]
-    assert on.tolist() == [0.0, 1.0, 1.0]
-    plant.advance(0.06)
-    assert on.tolist() == [1.0, 1.0, 1.0]
+    begun = {i: plant.sample(i).position_rad for i in (1, 3, 5)}
+    for turn, more in enumerate((0.0, 0.3), 1):
+        for servo_id, angle in begun.items():  # the slow one first
+            plant.command(servo_id, DriveCommand(True, goal_position_rad=angle + more))
+        plant.advance(0.03 * turn)
+    goals = plant.bank.commands[kernel.GOAL_POSITION]
+    here = np.array(list(begun.values()))
+    assert (goals - here).tolist() == pytest.approx([0.0, 0.3, 0.3])
+    plant.advance(0.09)
+    assert (goals - here).tolist() == pytest.approx([0.3, 0.3, 0.3])
     plant.close()
 
 
