@@ -88,10 +88,10 @@ def grow(
                 chosen = gains[0]
             if chosen is None:
                 break
-            say(f"fitting {chosen.effect} from elsewhere")
             now = fit(model, chosen.fit.hypothesis, chosen.fit.z, chosen.fit.noise)
-            now = elsewhere(model, now)
             taken.append(chosen)
+            say(f"fitting {chosen.effect} from elsewhere")
+            now = elsewhere(model, now)
             now, taken = prune(model, now, taken, say)
             ask(now)
         if sure is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -173,10 +173,9 @@ class _Stage(SteppedPlant):
         ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
         sensed = np.empty((ticks, len(self._names)))
         heights = []
-        # a command acts from the first tick after it, as behind the bus, a goal by a delay later
-        delay_s = np.array(self._delays_s)[course.events[:, 1].astype(int)]
-        late_s = LATE_S + np.where(np.isin(course.events[:, 2], kernel.GOALS), delay_s, 0.0)
-        due = np.floor((course.events[:, 0] + late_s - from_s) / TICK_S + 1e-6).astype(int) + 1
+        # a command acts from the first tick after it, as behind the bus
+        acts_s = _acts_s(course.events, self._delays_s) + LATE_S - from_s
+        due = np.floor(acts_s / TICK_S + 1e-6).astype(int) + 1
         order = np.argsort(due, kind="stable")
         due, rows = due[order], course.events[order, 1:].tolist()
         self.bank.commands[:] = course.start
@@ -207,6 +206,18 @@ class _Stage(SteppedPlant):
         )
         sensed: Floats = joint_rad + self._mount[0] * (params[kernel.ZERO_OFFSET] + wave)
         return sensed
+
+
+def _acts_s(events: Floats, delays_s: Sequence[float]) -> Floats:
+    """When each event acts [s]: goals later by their joint's delay, or once it is switched on."""
+    time_s, joint, field, value = events.T
+    acts_s: Floats = time_s.copy()
+    for j, delay_s in enumerate(delays_s):
+        goals = (joint == j) & np.isin(field, kernel.GOALS)
+        on_s = time_s[(joint == j) & (field == kernel.ENABLED) & (value > 0.0)]
+        next_on_s = np.append(on_s, np.inf)[np.searchsorted(on_s, time_s[goals])]
+        acts_s[goals] = np.minimum(time_s[goals] + delay_s, next_on_s)
+    return acts_s
 
 
 def play(

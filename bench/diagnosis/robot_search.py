@@ -128,6 +128,7 @@ class RobotSearch:
         """
         model = self.model
         base = base or self.believed()
+        self._around(base)
         first = self.screen(base)
         wanted = list(names) if names is not None else self._worth_looking(first)
         wanted = [name for name in wanted if model.placed[name].effect.name not in without]
@@ -152,7 +153,7 @@ class RobotSearch:
                 if step + 1 < most:
                     ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
         except OutOfTimeError:
-            pass  # what was taken until then is told
+            self._around(now)  # what was taken until then is told
         pruned, taken = self._prune(now, taken)
         now = now if pruned is now else self.settle(pruned)
         return RobotFindings(
@@ -197,6 +198,11 @@ class RobotSearch:
             if settled.cost > before - WORTH:
                 break
         return settled
+
+    def _around(self, found: RobotFit) -> None:
+        """Let the model be exact at a fit, and know what nuisances do there."""
+        self.model.retrace(found.settings, found.nuisances)
+        self.model.recentre(found.settings, found.nuisances, self.which)
 
     def _replayed(self, found: RobotFit) -> RobotFit:
         self.model.recentre(found.settings, found.nuisances, self.which)
@@ -243,8 +249,7 @@ class RobotSearch:
                 chosen = far
         gains.sort(key=lambda gain: -gain.deflated)
         fit = now if chosen is None else chosen.fit
-        self.model.retrace(fit.settings, fit.nuisances)
-        self.model.recentre(fit.settings, fit.nuisances, self.which)
+        self._around(fit)
         return chosen
 
     def _with(

@@ -26,9 +26,7 @@ from .kernel import (
     DUTY,
     ENABLED,
     GEAR_STIFFNESS,
-    GOAL_DUTY,
-    GOAL_POSITION,
-    GOAL_VELOCITY,
+    GOALS,
     HEAT,
     PARAMS,
     ROTOR_INERTIA,
@@ -354,27 +352,21 @@ def heard(
         field = int(events[event, 1])
         if field >= SUPPLY_EVENT:
             arrays.supplies[field - SUPPLY_EVENT, k] = events[event, 2]
-        elif not late(field):
+        elif field not in GOALS:
             arrays.commands[field, k] = events[event, 2]
             if field == ENABLED and events[event, 2] > 0.0:
                 known = events[event, 0]
         event += 1
     while goal < last and (events[goal, 0] + delay <= now or events[goal, 0] <= known):
         field = int(events[goal, 1])
-        if late(field):
+        if field in GOALS:
             arrays.commands[field, k] = events[goal, 2]
         goal += 1
-    while event < last and late(int(events[event, 1])):
+    while event < last and int(events[event, 1]) in GOALS:
         event += 1
-    while goal < last and not late(int(events[goal, 1])):
+    while goal < last and int(events[goal, 1]) not in GOALS:
         goal += 1
     return event, goal
-
-
-@inlined
-def late(field: int) -> bool:
-    """Whether what an event changes comes late by a drive's delay."""
-    return field in (GOAL_POSITION, GOAL_VELOCITY, GOAL_DUTY)
 
 
 @inlined

@@ -13,8 +13,9 @@ from bench.diagnosis.robot_nuisances import (
     trials,
     with_nuisances,
 )
-from bench.diagnosis.robot_replay import Jitter, course, loaded, play
+from bench.diagnosis.robot_replay import Jitter, _acts_s, course, loaded, play
 from bench.recording import Recording, RecordingError
+from sim.drive import kernel
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +130,21 @@ def test_a_goal_that_comes_late_moves_a_robot_later(plain):
     moved = features.of_track(track)[0] - features.of_track(plain)[0]
     speed, _ = features.speeds(plain)
     assert -(speed @ moved) / (speed @ speed) == pytest.approx(late_s, rel=0.3)
+
+
+def test_goals_are_late_until_their_joint_is_switched_on():
+    on, goal, limit = kernel.ENABLED, kernel.GOAL_POSITION, kernel.VELOCITY_LIMIT
+    events = np.array(
+        [
+            [0.100, 0, goal, 0.1],  # before it is switched on, which tells it at once
+            [0.100, 1, goal, 0.1],
+            [0.103, 0, on, 1.0],
+            [0.103, 0, goal, 0.2],
+            [0.104, 0, goal, 0.3],
+            [0.105, 0, limit, 2.0],
+            [0.106, 0, on, 0.0],
+        ]
+    )
+    late = [0.103, 0.105, 0.103, 0.103, 0.114, 0.105, 0.106]
+    assert _acts_s(events, [0.01, 0.005]).tolist() == pytest.approx(late)
+    assert (_acts_s(events, [0.0, 0.0]) == events[:, 0]).all()

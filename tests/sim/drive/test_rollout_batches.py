@@ -284,7 +284,7 @@ def test_a_controller_along_angles_knows_neither_motor_nor_load_nor_sensor() -> 
 # --- commands, samples, supplies
 
 
-def test_a_delay_is_commands_that_come_later() -> None:
+def test_a_delay_is_goals_that_come_later() -> None:
     delay = 0.0173
     told = swinging(1.0)
     later = replace(told, events=told.events + np.array([delay, 0.0, 0.0]))
