@@ -22,6 +22,7 @@ FITTING = 0.9  #: share of the spans that must hold a multiple of the period
 SPREAD = 0.03  #: by how much a period may be off; that of the AX-12A is a measured one
 FINE_S = 0.0005  #: by how much two periods that are tried differ at the end of the spans
 FIRST, MORE = 128, 4  #: spans that are gone through first, and how many times as many after that
+EVERY_S = 0.005  #: between two looks at a current that a voltage is due to; assumed
 AT_ONCE = 1_000_000  #: edges of spans that are sorted at once
 
 
@@ -45,20 +46,30 @@ def located(
     made_s = phase_s + every_s * np.ceil((spans[0] - phase_s) / every_s - 1e-9)
     told = made_s <= spans[1] + 1e-9
     new, made_s = new[told], made_s[told]
-    moments = np.union1d(observed.replay.samples, made_s)
+    made = replace(samples, t_s=made_s, value=samples.value[new], good=samples.good[new])
+    channels = {**observed.channels, channel: made}
+    return _also_at(replace(observed, channels=channels), made_s), off_s
+
+
+def looked_back(observed: Observed) -> Observed:
+    """A recording whose replay shows what currents did before each voltage that is seldom told."""
+    samples = observed.channels.get(Channel.VOLTAGE)
+    if samples is None or not observed.seldom:
+        return observed
+    back_s = np.arange(0.0, observed.stale_s, EVERY_S)[1:]
+    moments = (samples.t_s[:, None] - back_s).ravel()
+    return _also_at(observed, moments[moments > 0.0])
+
+
+def _also_at(observed: Observed, moments_s: Floats) -> Observed:
+    """A recording whose replay is sampled at some instants more."""
+    moments = np.union1d(observed.replay.samples, moments_s)
     channels = {
-        other: replace(one, index=np.searchsorted(moments, one.t_s))
-        for other, one in observed.channels.items()
+        channel: replace(one, index=np.searchsorted(moments, one.t_s))
+        for channel, one in observed.channels.items()
     }
-    channels[channel] = replace(
-        samples,
-        t_s=made_s,
-        value=samples.value[new],
-        index=np.searchsorted(moments, made_s),
-        good=samples.good[new],
-    )
     replay = replace(observed.replay, samples=moments)
-    return replace(observed, replay=replay, channels=channels), off_s
+    return replace(observed, replay=replay, channels=channels)
 
 
 def lattice(first_s: Floats, last_s: Floats, period_s: float) -> tuple[float, float, float, float]:

@@ -21,8 +21,6 @@ RAIL_S = 0.003  #: assumed: how late a voltage register is behind the current
 #: next time; nobody documents when, and a current's step at another instant than it was looks like
 #: noise; assumed
 WINDOW_S = 0.05
-#: how old a voltage may be that is read now and then, nobody knows exactly when; assumed
-STALE_S = 0.12
 WILD = 1e3  #: residuals beyond it, and those that are no numbers, count as so large
 INSTANT_S = 0.0005  #: assumed deviation of a sample's instant; what a host's clock and a bus leave
 DUTY_S = 0.002  #: the same of a duty, which is made of angles sampled, too
@@ -151,7 +149,7 @@ class Left:
         if not self._observed.seldom:
             pace = np.gradient(drop[:, at], samples.t_s, axis=1)
             return drop[:, at], (pace * RAIL_S) ** 2
-        first = np.searchsorted(self._observed.replay.samples, samples.t_s - STALE_S)
+        first = np.searchsorted(self._observed.replay.samples, samples.t_s - self._observed.stale_s)
         count = at + 1 - first
         mean, square = (
             np.diff(np.stack([total[:, first], total[:, at + 1]]), axis=0)[0] / count

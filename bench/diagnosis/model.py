@@ -28,7 +28,7 @@ from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
-from .instants import located
+from .instants import located, looked_back
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
 from .left import Left, good, runs_away
@@ -127,7 +127,8 @@ class JointModel:
         }
         duties = [located(o, Channel.DUTY, load_refresh_s) for o in observed]
         volts = [located(o, Channel.VOLTAGE, o.volts_s) for o, _ in duties]
-        self._shown = [one for one, _ in volts]  #: with registers at the instants they were made
+        #: with registers at the instants they were made
+        self._shown = [looked_back(one) for one, _ in volts]
         self._batch = Batch([o.replay for o in self._shown])
         self._sensed = [
             np.interp(o.replay.samples, o.position.t_s[o.position.good], good(o))
@@ -135,7 +136,7 @@ class JointModel:
         ]
         self._left = [
             Left(one, renewed=bool(load_refresh_s) and at is None, made_s=at or 0.0, rail_s=rail)
-            for (one, rail), (_, at) in zip(volts, duties, strict=True)
+            for one, (_, rail), (_, at) in zip(self._shown, volts, duties, strict=True)
         ]
         self._controllers = {
             n for n, e in catalogue().items() if e.enters == "controller"

@@ -30,7 +30,11 @@ LEAST_SAMPLES = 20  #: below this a recording says nothing about a joint
 TURN_COUNTS = 4096  #: of an encoder that has no ends
 MOTION_QUANTA = 20.0  #: that goals must span to ask for a motion; assumed
 FIRST_SAMPLES, FIRST_S = 5, 0.01  #: that tell how fast a joint is at first, whichever is more
-SELDOM_S = 0.05  #: between a voltage's values, beyond which currents come and go; assumed
+#: between a voltage's values, beyond which currents come and go: between two that are read less,
+#: as a goal that is written makes a current that is over some 10 ms later, when the motor has come
+#: up to speed, and goals are written in step with reads; assumed
+SELDOM_S, SELDOM_READ_S = 0.05, 0.025
+LATE_S = 0.02  #: how much older a voltage may be than the time between two of them; assumed
 UNLOADED = 0.9  #: quantile of such voltages that is taken for that without load; assumed
 #: steps of its register by which a voltage must go up and down to be one that a motion was under:
 #: a step of 0.1 V is 2 % of 5 V, and what the rounding hides makes a motion wrong by up to half
@@ -83,6 +87,7 @@ class Observed:
     posture_rad: Floats | None = None  #: of all joints of an arm, (n, joints), over the replay
     supplied: bool = False  #: whether the replay's supply is the voltage that was read
     volts_s: float = 0.0  #: period in which that is read or renewed [s]
+    seldom: bool = False  #: whether currents come and go between its values
 
     @property
     def position(self) -> Samples:
@@ -100,9 +105,9 @@ class Observed:
         return t_s, goal, samples.value[samples.good]
 
     @property
-    def seldom(self) -> bool:
-        """Whether a voltage is told so seldom that currents come and go between its values."""
-        return self.volts_s > SELDOM_S
+    def stale_s(self) -> float:
+        """How old a voltage may be that is told so seldom, nobody knows exactly when [s]."""
+        return self.volts_s + LATE_S
 
     def parts(self) -> list[Any]:
         """All that residuals depend on, as arrays and plain values."""
@@ -118,6 +123,7 @@ class Observed:
             self.posture_rad,
             self.supplied,
             self.volts_s,
+            self.seldom,
         ]
         for channel, samples in self.channels.items():
             told += [channel.word, samples.register, samples.t_s, samples.value, samples.good]
@@ -244,6 +250,7 @@ class _Supply:
     """What some recordings' voltages tell of the supply; ``level_v`` is one for all of them."""
 
     period_s: float = 0.0  #: in which a voltage is read or renewed; 0 without one
+    seldom: bool = False
     even: bool = False
     level_v: float | None = None
 
@@ -255,12 +262,14 @@ class _Supply:
             return cls()
         steps = [float(np.median(np.diff(v.t_s))) for v in volts if len(v.t_s) > 1]
         seen = own_period((v.t_s, v.value) for v in volts)
-        period_s = max(float(np.median(steps)) if steps else 0.0, seen[0] if seen else 0.0)
+        read_s, new_s = float(np.median(steps)) if steps else 0.0, seen[0] if seen else 0.0
+        period_s = max(read_s, new_s)
         quantum = volts[0].quantum
         swing = [np.ptp(np.quantile(v.value[v.good], [RARE, 1.0 - RARE])) for v in volts]
         means = [float(np.mean(v.value[v.good])) for v in volts]
         return cls(
             period_s,
+            read_s > SELDOM_READ_S or period_s > SELDOM_S,
             bool(max(swing) < (EVEN_STEPS + 0.5) * quantum),
             float(np.mean(means)) if np.ptp(means) < 1.5 * quantum else None,
         )
@@ -271,7 +280,7 @@ class _Supply:
         if volts is None:
             return one
         t_s, value = volts.t_s[volts.good], volts.value[volts.good]
-        supplied = self.period_s <= SELDOM_S and not self.even
+        supplied = not self.seldom and not self.even
         if self.even:
             level_v = float(np.mean(value)) if self.level_v is None else self.level_v
             t_s, value = t_s[:1], np.array([level_v])
@@ -282,7 +291,9 @@ class _Supply:
         events = np.concatenate([one.replay.events, supply])
         events = events[np.argsort(events[:, 0], kind="stable")]
         replay = replace(one.replay, events=events)
-        return replace(one, replay=replay, supplied=supplied, volts_s=self.period_s)
+        return replace(
+            one, replay=replay, supplied=supplied, volts_s=self.period_s, seldom=self.seldom
+        )
 
 
 def _first_velocity(t_s: Floats, angles: Floats, quantum: float) -> float:

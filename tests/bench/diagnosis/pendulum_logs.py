@@ -53,14 +53,15 @@ def logs(
     speed_rad_s=0.0,
     sprung=False,
     held=1,
+    pace_s=PACE_S,
 ):
     """One recording a motion; ``truth`` is effects with their parameters.
 
     ``speed_rad_s`` is that of the joint in the beginning; the gear is rigid, or ``sprung``. A
-    voltage is shown until so many reads later, ``held``.
+    voltage is shown until so many reads later, ``held``; ``pace_s`` is the bus's.
     """
     drafts = [
-        recorded(name, dict.fromkeys(registers), duration_s, condition, name, settings)
+        recorded(name, dict.fromkeys(registers), duration_s, condition, name, settings, 0, pace_s)
         for name in motions
     ]
     told = [
@@ -84,16 +85,16 @@ def logs(
             seen[VOLTS] = np.repeat(seen[VOLTS][::held], held)[: len(out)]
         seen[POSITION] += noise_rad * random.normal(size=len(out))
         group = groups[k] if groups else name
-        made.append(recorded(name, seen, duration_s, condition, group, settings, k))
+        made.append(recorded(name, seen, duration_s, condition, group, settings, k, pace_s))
     return made
 
 
-def recorded(name, seen, duration_s, condition, group, settings=None, number=0):
+def recorded(name, seen, duration_s, condition, group, settings=None, number=0, pace_s=PACE_S):
     """A recording of goals of a motion, and of registers that read ``seen`` (absent: 0)."""
     table = robot().tables[SERVO]
     rows = []
-    for k in range(round(duration_s / PACE_S)):
-        t_s = k * PACE_S
+    for k in range(round(duration_s / pace_s)):
+        t_s = k * pace_s
         goal = float(MOTIONS[name](max(0.0, t_s - REST_S)))
         rows.append(access(table, t_s, "write", "goal_position", goal))
         for register, values in seen.items():

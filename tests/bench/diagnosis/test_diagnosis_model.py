@@ -23,7 +23,7 @@ from bench.diagnosis.fit import (
 )
 from bench.diagnosis.intervals import covariances, estimates
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.left import INSTANT_S, STALE_S, WILD, Left, averaged
+from bench.diagnosis.left import INSTANT_S, WILD, Left, averaged
 from bench.diagnosis.model import LATEST, Hypothesis, JointModel, Kind
 from bench.diagnosis.noise import cost
 from bench.diagnosis.nuisances import GEAR_LEVELS
@@ -82,11 +82,15 @@ def test_the_voltage_of_a_model_is_its_own_within_a_count():
 
 
 @pytest.mark.parametrize(
-    ("ohm", "held", "duration_s", "supplied"), [(0.6, 2, 3.0, True), (3.0, 10, 8.0, False)]
+    ("ohm", "held", "pace_s", "duration_s", "supplied"),
+    [(0.6, 2, 0.01, 3.0, True), (3.0, 10, 0.01, 8.0, False), (1.5, 1, 0.036, 8.0, False)],
 )
-def test_a_sag_is_seen_in_a_voltage_that_is_measured_now_and_then(ohm, held, duration_s, supplied):
+def test_a_sag_is_seen_in_a_voltage_that_is_measured_now_and_then(
+    ohm, held, pace_s, duration_s, supplied
+):
     sag = {"voltage_sag": {"resistance_ohm": ohm}}
-    model = model_of(logs(sag, registers=(POSITION, VOLTS), held=held, duration_s=duration_s))
+    slow = {"held": held, "pace_s": pace_s, "duration_s": duration_s}
+    model = model_of(logs(sag, registers=(POSITION, VOLTS), **slow))
     assert {*model.recorded_supply} == {supplied}  # whether it tells what a motion was under
     before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
     found = confirm(model, before, effect("voltage_sag"), np.append(before.z, 0.1))
@@ -122,7 +126,7 @@ def test_a_voltage_that_is_seldom_read_is_of_some_time_before():
         **{name: getattr(often, name)[few] for name in ("t_s", "value", "index", "good")},
     )
     channels = dict(one.channels) | {Kind.VOLTAGE.channel: seldom}
-    one = replace(one, channels=channels, supplied=False, volts_s=0.2)
+    one = replace(one, channels=channels, supplied=False, volts_s=0.2, seldom=True)
     t_s = one.replay.samples
     outs = np.zeros((1, len(t_s), lanes.CHANNELS))
     outs[0, :, lanes.OUT_DUTY], outs[0, :, lanes.OUT_CURRENT] = 1.0, 1.0 + np.sin(20.0 * t_s)
@@ -131,7 +135,7 @@ def test_a_voltage_that_is_seldom_read_is_of_some_time_before():
         Kind.VOLTAGE.channel, outs, None, np.array([2.0]), np.array([11.0]), np.zeros(1)
     )
     drop = 2.0 + 2.0 * np.sin(20.0 * t_s)
-    before = [drop[(t_s >= t - STALE_S) & (t_s <= t)] for t in seldom.t_s]
+    before = [drop[(t_s >= t - one.stale_s) & (t_s <= t)] for t in seldom.t_s]
     assert block.value == pytest.approx(seldom.value - 11.0 + [d.mean() for d in before])
     assert block.extra == pytest.approx([d.var() for d in before])
 
