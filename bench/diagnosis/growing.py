@@ -14,6 +14,7 @@ from .faint import changes_little
 from .fit import Fit, Score, fit
 from .knobs import effect_knobs
 from .model import JointModel, Kind
+from .screening import screen, worth_fitting
 from .search import (
     HELD_OUT,
     NEEDED,
@@ -26,8 +27,6 @@ from .search import (
     held_out,
     inside,
     score_outside,
-    screen,
-    worth_fitting,
 )
 from .valleys import DEEPER, afresh, elsewhere, explore
 from .watch import OutOfTimeError

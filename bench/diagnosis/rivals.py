@@ -12,7 +12,8 @@ from .faint import hardly_better
 from .fit import Fit
 from .model import JointModel
 from .result import Rival
-from .search import Gain, Progress, confirm, drop, screen
+from .screening import screen
+from .search import Gain, Progress, confirm, drop
 
 TRIED = 3  #: rivals that are fitted in an effect's place
 CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart

@@ -26,7 +26,7 @@ from sim.effects import catalogue
 from .fit import Fit, fit
 from .model import JointModel
 from .nuisances import WITHIN
-from .search import screen
+from .screening import screen
 
 MOVES = (-0.7, 0.7)  #: in units of a shape; of the value, for a number that is an amount
 LOOSE = 0.1  #: least of these units for an amount

@@ -15,7 +15,8 @@ from .intervals import ENGINES_SHARE, Spread
 from .model import JointModel
 from .nuisances import LATE_S
 from .observed import Channel, Observed
-from .search import NUMBER_NATS, Gain, confirm, drop, screen
+from .screening import screen
+from .search import NUMBER_NATS, Gain, confirm, drop
 
 PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one

@@ -15,7 +15,7 @@ from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.noise import Noise
 from bench.diagnosis.observed import observe
-from bench.diagnosis.search import screen
+from bench.diagnosis.screening import screen
 from bench.diagnosis.watch import OutOfTimeError, Watch
 from sim.effects import effect
 from sim.model import read_model

@@ -10,7 +10,8 @@ from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.limp import LASTING, LETS_GO, breaks_s, overloads
 from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.noise import Block
-from bench.diagnosis.search import confirm, screen, vectors_to_try
+from bench.diagnosis.screening import screen, vectors_to_try
+from bench.diagnosis.search import confirm
 from sim.effects import effect
 
 TRUTH = {"duty": 0.2, "time_s": 0.3}

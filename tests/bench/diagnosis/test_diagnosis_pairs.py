@@ -9,7 +9,8 @@ from bench.diagnosis.fit import fit
 from bench.diagnosis.floor import noise_floor, tolerance
 from bench.diagnosis.growing import grow, paired
 from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.search import confirm, screen
+from bench.diagnosis.screening import screen
+from bench.diagnosis.search import confirm
 from bench.diagnosis.watch import OutOfTimeError, Watch
 from sim.effects import effect
 

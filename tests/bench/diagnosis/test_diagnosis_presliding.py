@@ -14,7 +14,7 @@ from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.nuisances import PRESLIDING
 from bench.diagnosis.observed import observe
-from bench.diagnosis.search import vectors_to_try
+from bench.diagnosis.screening import vectors_to_try
 from sim.effects import effect
 from sim.model import read_model
 

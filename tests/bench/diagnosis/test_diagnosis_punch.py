@@ -15,7 +15,7 @@ from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.nuisances import PUNCH, nuisances
 from bench.diagnosis.observed import observe
-from bench.diagnosis.search import vectors_to_try
+from bench.diagnosis.screening import vectors_to_try
 from busemu.tables import load_robot
 from sim.effects import effect
 from sim.entries import Section

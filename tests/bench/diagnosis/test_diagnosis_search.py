@@ -21,23 +21,17 @@ from bench.diagnosis.running import (
     split,
     without_effects,
 )
-from bench.diagnosis.search import (
+from bench.diagnosis.screening import (
     CLOSER,
     LIMITS,
-    NEEDED,
-    NUMBER_NATS,
     PROMISING,
-    STRAYED,
-    Gain,
-    Outside,
-    folds,
-    held_out,
     limits,
     screen,
     starts,
     vectors_to_try,
     worth_fitting,
 )
+from bench.diagnosis.search import NEEDED, NUMBER_NATS, STRAYED, Gain, Outside, folds, held_out
 from sim.effects import effect
 from sim.stepped import TICK_S
 
@@ -455,7 +449,7 @@ def test_of_many_effects_that_are_alike_more_are_worth_a_fit():
 
 
 def test_a_time_is_not_screened_below_a_tick_of_the_firmware(monkeypatch):
-    monkeypatch.setattr("bench.diagnosis.search.SIZES", (6.0,))  # all far too great
+    monkeypatch.setattr("bench.diagnosis.screening.SIZES", (6.0,))  # all far too great
     model = model_of(logs())
     ((_, _, start),) = screen(model, base_of(model), [effect("transport_delay")])
     (knob,) = effect_knobs(effect("transport_delay"))
