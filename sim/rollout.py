@@ -91,8 +91,9 @@ class Load:
 
         Across matters to first order only as far as the axis stands upright.
         """
-        level = min(1.0, float(np.hypot(self.sine_nm[0], self.cosine_nm[0])) / self.moment_nm)
-        upright = np.sqrt(1.0 - level**2)
+        reach = abs(self.moment_nm)  # a tolerance may take more of a light load than there is
+        pull = min(reach, math.hypot(float(self.sine_nm[0]), float(self.cosine_nm[0])))
+        upright = math.sqrt(1.0 - (pull / reach) ** 2) if reach > 0.0 else 0.0
         return replace(
             self,
             cosine_nm=self.cosine_nm + self.moment_nm * along_rad,

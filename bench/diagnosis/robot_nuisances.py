@@ -234,7 +234,7 @@ def with_nuisances(
     robot: PhysicalRobot, every: Sequence[RobotNuisance], z: Sequence[float]
 ) -> PhysicalRobot:
     """The robot with nuisances at some values of deviations, those that a replay can have."""
-    known = {trial.name: trial for trial in trials(robot)}
+    known = {trial.name: trial for trial in _changes(robot)}
     own = {"torque": _torque, "friction": _friction}
     for nuisance, deviations in zip(every, z, strict=True):
         x = deviations * nuisance.deviation
@@ -284,7 +284,12 @@ SAME = {
 
 
 def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
-    """The replays that show the nuisances' traces."""
+    """The replays that show the nuisances' traces; of feet only if nobody told how they give."""
+    rigid = all(math.isinf(leg.foot.stiffness_n_m) for leg in robot.legs)
+    return tuple(trial for trial in _changes(robot) if rigid or trial.name != TIPS)
+
+
+def _changes(robot: PhysicalRobot) -> list[Trial]:
     found = [
         Trial(
             f"zero {j.name}",
@@ -311,7 +316,6 @@ def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
     found.append(Trial("gears", 0.2, _of_all(_friction)))
     found.append(Trial(PUNCH, 0.5, _of_all(_punch)))
     found.append(Trial("late", 0.002, _of_effect("transport_delay", "delay_s", ())))
-    if all(math.isinf(leg.foot.stiffness_n_m) for leg in robot.legs):
-        found.append(Trial(TIPS, 2e-5, _tips))
+    found.append(Trial(TIPS, 2e-5, _tips))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
-    return tuple(found)
+    return found

@@ -177,6 +177,12 @@ def test_a_stand_that_leans_pulls_at_the_hanging_arm():
     assert across.load.sine_nm == pytest.approx(candidate().load.sine_nm)
 
 
+@pytest.mark.parametrize("moment", [0.0, -1e-9])
+def test_a_load_of_which_nothing_is_left_leans_without_a_word(moment):
+    leans = Load.pendulum(1e-3, 2.0 * moment, 0.0, moment).tilted(0.0, 0.01)
+    assert np.isfinite([leans.sine_nm, leans.cosine_nm]).all()
+
+
 @pytest.mark.parametrize("name", sorted(TWINS))
 def test_a_twin_and_its_nuisance_change_the_same(name):
     """So one of the two can stand for the other."""
