@@ -40,7 +40,7 @@ HARMFUL = "it makes recordings that were not used to fit worse"
 NEEDLESS = "recordings that were not used to fit are within noise without it, and worse with it"
 BETTER = "it explains far less than a cause that cannot be named"
 NOTHING = "its size may as well be nothing"
-ALONE = "beside the others it gains nothing on recordings left out"
+ALONE = "it gains nothing on recordings left out, beside what else is named"
 BESIDE = "it explains little of a misfit of which much is left"
 FAINT = "it changes nothing by more than two sound simulations of one joint differ by"
 CONTRADICTED = "the motion is farther off with it, though other registers or its noise are likelier"
@@ -158,6 +158,7 @@ class _Settling:
         looked = False
         after, taken, confirmed = grown
         while True:
+            taken = self._judged(after, taken)
             denied = self._denied(after, taken, effects, needed)
             if denied is None and rejected and taken and not looked and not self.watch.stopped:
                 looked, alone = True, {gain.effect for gain in taken}
@@ -182,6 +183,14 @@ class _Settling:
             else:
                 after, *_ = drop(self.model, after, name)
                 taken = [gain for gain in taken if gain.effect != name]
+
+    def _judged(self, after: Fit, taken: Sequence[Gain]) -> Sequence[Gain]:
+        """The names, all judged on groups left out: those a pair was begun with never were."""
+        if self.watch.stopped is not None or all(gain.held_out for gain in taken):
+            return taken
+        self.watch.tell("what is named, on recordings left out")
+        pairs = [(gain, drop(self.model, after, gain.effect)[0]) for gain in taken]
+        return beside_others(self.model, after, pairs, self.floors)
 
     def _denied(
         self, after: Fit, taken: Sequence[Gain], effects: Mapping[str, Effect], needed: float
@@ -316,11 +325,12 @@ def _unsure(
             model, after, spread, part.gain.effect
         ):
             return Denied(part.gain, NOTHING, again=False)
+    judged = [part.gain for part in parts]
     if len(parts) > 1:
-        pairs = [(part.gain, part.without) for part in parts]
-        for gain in beside_others(model, after, pairs, floors):
-            if gain.outside < HELD_OUT:
-                return Denied(gain, ALONE, again=False)
+        judged = beside_others(model, after, [(p.gain, p.without) for p in parts], floors)
+    for gain in judged:
+        if gain.held_out and gain.outside < HELD_OUT:
+            return Denied(gain, ALONE, again=False)
     return None
 
 

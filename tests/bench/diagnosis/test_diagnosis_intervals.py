@@ -15,8 +15,9 @@ from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.nuisances import LATE_S
 from bench.diagnosis.observed import Channel
-from bench.diagnosis.search import Gain
+from bench.diagnosis.search import HELD_OUT, Gain, Outside
 from bench.diagnosis.settling import (
+    ALONE,
     BESIDE,
     BETTER,
     HARMFUL,
@@ -359,6 +360,14 @@ def test_a_size_that_may_as_well_be_nothing_is_no_name(ratio, unsure):
     if denied is not None:
         assert denied.because == NOTHING
         assert not denied.again
+
+
+@pytest.mark.parametrize(("nats", "because"), [(0.5 * HELD_OUT, ALONE), (20.0, None)])
+def test_the_last_name_that_is_left_must_gain_on_recordings_left_out_as_well(nats, because):
+    model, found = fitted("load_friction", {"ratio": 0.3}, [0.05])
+    gain = replace(gain_of("load_friction", found), held_out=Outside(nats, 1.0, 0.0))
+    denied = _unsure(model, found, _parts(model, found, [gain], print), {})
+    assert (denied.because if denied else None) == because
 
 
 @pytest.mark.parametrize(("ratio", "nothing"), [(0.0, True), (0.3, False)])

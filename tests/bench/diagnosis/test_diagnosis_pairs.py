@@ -75,6 +75,7 @@ def test_a_search_that_begins_with_a_wrong_name_ends_with_the_right_ones(looked,
     known = (model, None, base, EFFECTS, floor, floors, Watch(quiet))
     found = settling.settle(*known)
     assert {gain.effect for gain in found.taken} == set(TRUTH)
+    assert all(gain.outside > 0.0 for gain in found.taken)  # those it was begun with, too
     monkeypatch.setattr(settling, "paired", lambda *_: None)
     assert not settling.settle(*known).taken
 
