@@ -21,8 +21,8 @@ SPARSE_S = 0.036  #: of a bus that reads a servo's registers one after another
 def begins(pace_s, speed_rad_s, monkeypatch, motion="fast"):
     """The first speed that samples tell of, and the one that is believed [rad/s]."""
     monkeypatch.setattr(pendulum_logs, "REST_S", 0.0)
-    monkeypatch.setattr(pendulum_logs, "PACE_S", pace_s)
-    observed = observe(logs(motions=[motion], speed_rad_s=speed_rad_s), robot(), JOINT)
+    made = logs(motions=[motion], speed_rad_s=speed_rad_s, pace_s=pace_s)
+    observed = observe(made, robot(), JOINT)
     (believed,) = begun(read_model(robot()), robot(), observed)
     return observed[0].replay.velocity_rad_s, believed.replay.velocity_rad_s
 
@@ -35,8 +35,7 @@ def test_a_joint_that_is_told_to_move_at_once_rests_at_first(monkeypatch):
 
 def test_the_second_goal_of_a_slow_bus_was_not_in_force_before(monkeypatch):
     monkeypatch.setattr(pendulum_logs, "REST_S", 0.0)
-    monkeypatch.setattr(pendulum_logs, "PACE_S", SPARSE_S)
-    observed = observe(logs(motions=["fast"]), robot(), JOINT)
+    observed = observe(logs(motions=["fast"], pace_s=SPARSE_S), robot(), JOINT)
     (believed,) = begun(read_model(robot()), robot(), observed)
     assert believed.replay.held_rad is None
 
