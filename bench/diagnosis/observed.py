@@ -34,7 +34,9 @@ FIRST_SAMPLES, FIRST_S = 5, 0.01  #: that tell how fast a joint is at first, whi
 #: as a goal that is written makes a current that is over some 10 ms later, when the motor has come
 #: up to speed, and goals are written in step with reads; assumed
 SELDOM_S, SELDOM_READ_S = 0.05, 0.025
-LATE_S = 0.02  #: how much older a voltage may be than the time between two of them; assumed
+#: how much older a voltage may be than the time between two of them, and how old at most: one that
+#: is asked for once a second was not measured a second ago; assumed
+LATE_S, OLDEST_S = 0.02, 0.15
 UNLOADED = 0.9  #: quantile of such voltages that is taken for that without load; assumed
 #: steps of its register by which a voltage must go up and down to be one that a motion was under:
 #: a step of 0.1 V is 2 % of 5 V, and what the rounding hides makes a motion wrong by up to half
@@ -107,7 +109,7 @@ class Observed:
     @property
     def stale_s(self) -> float:
         """How old a voltage may be that is told so seldom, nobody knows exactly when [s]."""
-        return self.volts_s + LATE_S
+        return min(self.volts_s + LATE_S, OLDEST_S)
 
     def parts(self) -> list[Any]:
         """All that residuals depend on, as arrays and plain values."""

@@ -117,6 +117,12 @@ def test_a_voltage_that_is_often_new_is_what_a_motion_was_under():
     assert np.median(volts.value) < level <= volts.value.max()
 
 
+@pytest.mark.parametrize(("volts_s", "old_s"), [(0.036, 0.056), (0.1, 0.12), (1.0, 0.15)])
+def test_a_voltage_is_no_older_for_being_asked_for_once_a_second(volts_s, old_s):
+    (one,) = observe(logs(motions=["fast"], registers=(POSITION, VOLTS)), robot(), JOINT)
+    assert replace(one, volts_s=volts_s).stale_s == pytest.approx(old_s)
+
+
 def test_a_voltage_that_is_seldom_read_is_of_some_time_before():
     (one,) = observe(logs(motions=["fast"], registers=(POSITION, VOLTS)), robot(), JOINT)
     often = one.channels[Kind.VOLTAGE.channel]
