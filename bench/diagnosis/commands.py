@@ -6,7 +6,7 @@ replayed recording means by a register what the emulated bus means by it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,7 +63,8 @@ def drive_commands(
 
     Changes are rows of time [s since ``origin_s``], field of :mod:`sim.drive.kernel` and value.
     Registers nobody wrote are as the metadata has them, else as the robot's file, else the
-    factory's. A servo whose ``torque_enable`` is nowhere told was switched on before.
+    factory's. A servo whose ``torque_enable`` is nowhere told was switched on before, as was one
+    that was given goals and then switched off.
     """
     settings = dict(mount.registers)
     servo_entry = recording.metadata.get("servo", {}).get(str(mount.servo_id), {})
@@ -71,7 +72,7 @@ def drive_commands(
     listener = _Listener(position_t_s, position_rad, float(origin_s))
     servo = Servo(mount, table, listener, recording_baud_rate(recording))
     rows = _writes(recording, mount.servo_id, table)
-    if "torque_enable" not in {name for _, name, _ in rows}:
+    if _was_on(rows):
         settings.setdefault("torque_enable", 1)
     for name, raw in settings.items():
         if name in table and name not in ("id", "baud_rate"):
@@ -123,6 +124,15 @@ def _writes(
                 for t, value in zip(times.tolist(), raw.tolist(), strict=True)
             ]
     return sorted(rows, key=lambda row: row[0])
+
+
+def _was_on(rows: Sequence[tuple[float, str, int]]) -> bool:
+    """Whether writes to a servo speak of a torque that was on before the first of them."""
+    names = [name for _, name, _ in rows]
+    if "torque_enable" not in names:
+        return True
+    first = names.index("torque_enable")
+    return not rows[first][2] and any(name.startswith("goal_") for name in names[:first])
 
 
 def supply_events(t_s: Floats, volts: Floats) -> Floats:

@@ -20,6 +20,7 @@ from .fit import Fit, fit
 from .journal import Journal
 from .model import GEARS, Hypothesis, JointModel
 from .observed import Observed
+from .valleys import elsewhere
 
 PLAINLY = 7.0  #: gain [nats] at which the file's spring is believed
 
@@ -37,7 +38,7 @@ def believed(
 ) -> tuple[JointModel, Fit]:
     """The joint as its operator believes it, and that with all tolerances fitted."""
     rigid = JointModel(base, robot, observed, journal, load_refresh_s)
-    before = fit(rigid, Hypothesis(), np.zeros(len(rigid.nuisances)))
+    before = _fitted(rigid)
     other = sprung(rigid)
     if other is None:
         return rigid, before
@@ -49,7 +50,12 @@ def sprung(rigid: JointModel) -> tuple[JointModel, Fit] | None:
     model = with_spring(rigid)
     if model is rigid:
         return None
-    return model, fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    return model, _fitted(model)
+
+
+def _fitted(model: JointModel) -> Fit:
+    """All tolerances of a joint fitted, begun as believed and with more and less friction."""
+    return elsewhere(model, fit(model, Hypothesis(), np.zeros(len(model.nuisances))))
 
 
 def asked_again(rigid: JointModel) -> Callable[[Fit], None]:

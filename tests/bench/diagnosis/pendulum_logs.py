@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 from types import SimpleNamespace
 
 import numpy as np
@@ -54,14 +54,18 @@ def logs(
     sprung=False,
     held=1,
     pace_s=PACE_S,
+    limp_s=inf,
 ):
     """One recording a motion; ``truth`` is effects with their parameters.
 
     ``speed_rad_s`` is that of the joint in the beginning; the gear is rigid, or ``sprung``. A
-    voltage is shown until so many reads later, ``held``; ``pace_s`` is the bus's.
+    voltage is shown until so many reads later, ``held``; ``pace_s`` is the bus's, and from
+    ``limp_s`` on the torque is off.
     """
     drafts = [
-        recorded(name, dict.fromkeys(registers), duration_s, condition, name, settings, 0, pace_s)
+        recorded(
+            name, dict.fromkeys(registers), duration_s, condition, name, settings, 0, pace_s, limp_s
+        )
         for name in motions
     ]
     told = [
@@ -85,18 +89,32 @@ def logs(
             seen[VOLTS] = np.repeat(seen[VOLTS][::held], held)[: len(out)]
         seen[POSITION] += noise_rad * random.normal(size=len(out))
         group = groups[k] if groups else name
-        made.append(recorded(name, seen, duration_s, condition, group, settings, k, pace_s))
+        made.append(recorded(name, seen, duration_s, condition, group, settings, k, pace_s, limp_s))
     return made
 
 
-def recorded(name, seen, duration_s, condition, group, settings=None, number=0, pace_s=PACE_S):
+def recorded(
+    name,
+    seen,
+    duration_s,
+    condition,
+    group,
+    settings=None,
+    number=0,
+    pace_s=PACE_S,
+    limp_s=inf,
+):
     """A recording of goals of a motion, and of registers that read ``seen`` (absent: 0)."""
     table = robot().tables[SERVO]
     rows = []
     for k in range(round(duration_s / pace_s)):
         t_s = k * pace_s
         goal = float(MOTIONS[name](max(0.0, t_s - REST_S)))
-        rows.append(access(table, t_s, "write", "goal_position", goal))
+        limp = t_s >= limp_s
+        if limp and t_s - pace_s < limp_s:
+            rows.append(raw_access(t_s, "write", "torque_enable", 0))
+        elif not limp:
+            rows.append(access(table, t_s, "write", "goal_position", goal))
         for register, values in seen.items():
             value = 0.0 if values is None else float(values[k])
             rows.append(access(table, t_s + 0.004, "read", register, value))

@@ -55,6 +55,22 @@ def test_the_gain_register_of_the_metadata_is_the_position_laws_gain(raw):
     assert start[kernel.GAIN_CCW] == start[kernel.GAIN_CW]
 
 
+@pytest.mark.parametrize(
+    ("rows", "on"),
+    [
+        ([], True),
+        ([write(0.1, "goal_position", 3000), write(0.2, "torque_enable", 0)], True),
+        ([write(0.1, "torque_enable", 0), write(0.2, "goal_position", 3000)], False),
+        ([write(0.1, "torque_enable", 1), write(0.2, "goal_position", 3000)], False),
+        ([write(0.1, "goal_position", 3000), write(0.2, "torque_enable", 1)], False),
+    ],
+    ids=["never told", "goals, then off", "off, then goals", "on, then goals", "goals, then on"],
+)
+def test_a_servo_that_was_given_goals_and_then_switched_off_was_on(rows, on):
+    start, _ = told(rows)
+    assert bool(start[kernel.ENABLED]) == on
+
+
 def test_a_written_gain_comes_when_it_was_written():
     rows = [write(0.3, "position_p_gain", 800), write(0.4, "goal_position", 3000)]
     start, changes = told(rows)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from pendulum_logs import JOINT, logs, model_of, robot
+from pendulum_logs import CONDITION, JOINT, logs, model_of, robot
 
 from bench.diagnosis import joint
 from bench.diagnosis.fit import bounds, fit
@@ -25,6 +25,20 @@ def test_the_gear_that_recordings_follow_is_believed(sprung):
     assert model.sprung == sprung
     assert model.of(told).sprung == sprung
     assert len(before.z) == len(model.nuisances)
+
+
+def test_what_is_believed_is_fitted_from_more_and_less_friction_too():
+    """An arm that falls with half its friction: from friction as believed a fit stops early."""
+    little = {
+        "coulomb_friction": {"more_nm": -0.01},
+        "viscous_friction": {"more_nm_s_rad": -0.002},
+        "torque_constant": {"scale": 1.1},
+    }
+    light = CONDITION | {"payload_kg": 0.05}
+    told = observe(logs(little, ("steps",), condition=light, limp_s=0.5), robot(), JOINT)
+    model, before = believed(read_model(robot()), robot(), told)
+    early = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    assert before.cost < early.cost - 100.0
 
 
 def free_levels(model, hypothesis):
