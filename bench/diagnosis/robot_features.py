@@ -186,8 +186,14 @@ class Features:
         """Whether what changes a robot does the same to both: walks, or one motion, of one load."""
         if _weights(self.course) != _weights(other.course) or not self.rows_like(other):
             return False
-        if self.phase is not None and other.phase is not None:
-            return True
+        walk = self.phase is not None and other.phase is not None
+        return walk or self._told_like(other)
+
+    def repeats(self, other: Features) -> bool:
+        """Whether two recordings are of one motion, walk or not, with one load."""
+        return self.like(other) and self._told_like(other)
+
+    def _told_like(self, other: Features) -> bool:
         apart = self.goal_rad - other.goal_rad
         return bool(np.sqrt(np.mean(apart**2)) < ALIKE_RAD)
 

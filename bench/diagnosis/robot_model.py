@@ -9,7 +9,8 @@ difference, so that the next fit starts from truth and traces only say which way
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,7 +100,11 @@ class RobotModel:
             n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without
         )
         self.placed: dict[str, Placed] = placed_effects(base)
-        self.motion = _motions(self.features)  #: for each recording, the first like it
+        self.motion = _first_of(
+            self.features, Features.like
+        )  #: for each recording, the first like it
+        self._repeated = _first_of(self.features, Features.repeats)
+        self._following = False
         self._like = _alike(self.features, self.motion, judging)
         self.replays = Replays(robot, self.features, self.nuisances, processes, journal)
         self._joints = [joint.name for joint in base.joints]
@@ -248,15 +253,41 @@ class RobotModel:
         """
         chosen = list(self._every if which is None else which)
         at = replayable(self.nuisances, z)
-        guessed = [self.modelled(settings, at, r)[RobotKind.JOINTS] for r in chosen]
+        first = self._leaders(chosen)
+        leaders = sorted(set(first.values()))
+        guessed = [self.modelled(settings, at, r)[RobotKind.JOINTS] for r in leaders]
         told = tuple(settings), tuple(at.tolist()) if at.any() else ()
-        found = self._run([Job(r, told[0], nuisances=told[1]) for r in chosen])
+        found = self._run([Job(r, told[0], nuisances=told[1]) for r in leaders])
         if not all(np.isfinite(rows[RobotKind.JOINTS]).all() for rows in found):
             return float("inf")
         apart = [rows[RobotKind.JOINTS] - guess for rows, guess in zip(found, guessed, strict=True)]
-        for r, rows in zip(chosen, found, strict=True):
-            self.centre[r], self._centred_on[r] = rows, (told[0], at)
+        there = dict(zip(leaders, found, strict=True))
+        before = {r: self.centre[r] for r in leaders}
+        for r, leader in first.items():
+            own = self.centre[r]
+            self.centre[r] = (
+                there[r]
+                if r == leader
+                else {k: own[k] + rows - before[leader][k] for k, rows in there[leader].items()}
+            )
+            self._centred_on[r] = (told[0], at)
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
+
+    @contextmanager
+    def following(self) -> Iterator[None]:
+        """Meanwhile one recording of each motion is replayed; its repeats move as it does."""
+        self._following = True
+        try:
+            yield
+        finally:
+            self._following = False
+
+    def _leaders(self, chosen: Sequence[int]) -> dict[int, int]:
+        """For some recordings those that are replayed for them: themselves, mostly."""
+        if not self._following:
+            return {r: r for r in chosen}
+        leaders: dict[int, int] = {}
+        return {r: leaders.setdefault(self._repeated[r], r) for r in chosen}
 
     def residuals(self, names: Sequence[str], z: Floats, which: Sequence[int]) -> RobotBlocks:
         """Residual blocks (recorded less modelled) of some recordings for a vector."""
@@ -302,10 +333,13 @@ def undocumented_punch(robot: Robot, courses: Sequence[Course]) -> bool:
     return laws == {UNDOCUMENTED} and any(has_punch(c.start, *c.events.T[2:]) for c in courses)
 
 
-def _motions(features: Sequence[Features]) -> tuple[int, ...]:
+def _first_of(
+    features: Sequence[Features], alike: Callable[[Features, Features], bool]
+) -> tuple[int, ...]:
+    """For each recording the first that it is alike."""
     found: list[int] = []
     for r, one in enumerate(features):
-        first = next((m for m in sorted(set(found)) if features[m].like(one)), r)
+        first = next((m for m in sorted(set(found)) if alike(features[m], one)), r)
         found.append(first)
     return tuple(found)
 

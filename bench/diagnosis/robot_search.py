@@ -233,7 +233,10 @@ class RobotSearch:
             if gain.nats < NEEDED and gain.name not in named:
                 continue
             self._say(f"replaying {gain.name} exactly")
-            gains[k] = self._with(gain, now, self._exactly(gain, now), plain)
+            self.model.recentre(now.settings, now.nuisances, self.which)
+            with self.model.following():
+                exact = self._exactly(gain, now)
+            gains[k] = self._with(gain, now, self._replayed(exact), plain)
         best = sorted(range(len(gains)), key=lambda k: -gains[k].deflated)[:BEST]
         for k in best:
             if gains[k].nats >= NEEDED:
@@ -354,9 +357,11 @@ class RobotSearch:
             self._say(f"looking for much of {name}")
             *_, large = self.model.curves.tries(name)
             at = RobotFit((*now.names, name), np.append(now.z, large), now.noise, now.cost)
-            for _ in range(FAR_FITS):
-                self.model.recentre(at.settings, at.nuisances, self.which)
-                at = self._fit(at.names, at.z, at.noise)
+            self.model.recentre(now.settings, now.nuisances, self.which)
+            with self.model.following():
+                for _ in range(FAR_FITS):
+                    self.model.recentre(at.settings, at.nuisances, self.which)
+                    at = self._fit(at.names, at.z, at.noise)
             at = self._replayed(at)
             nats = now.cost - at.cost
             if nats >= NEEDED and (name not in best or nats > best[name].nats):

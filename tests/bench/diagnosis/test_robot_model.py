@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked_with
@@ -94,6 +96,34 @@ def test_what_has_one_sign_is_screened_at_a_large_size_too_and_the_better_is_tol
 
 def test_recordings_of_one_motion_share_their_replays(model):
     assert model.motion == (0, 0, 0)
+
+
+def test_meanwhile_repeats_move_as_the_first_of_their_motion_does(model):
+    zero, heavy = np.zeros(len(model.nuisances)), (("payload@all", 2.0),)
+    model.recentre((), zero)
+    begun = [rows[RobotKind.JOINTS] for rows in model.centre]
+    model.curves.effects(NULL, heavy)
+    count = model.replays.count
+    with model.following():
+        model.recentre(heavy, zero)
+    assert model.replays.count == count + 1
+    moved = [rows[RobotKind.JOINTS] - own for rows, own in zip(model.centre, begun, strict=True)]
+    assert np.abs(moved[NULL]).max() > model.quantum_rad
+    assert moved[TIPS] == pytest.approx(moved[NULL])
+    model.recentre(heavy, zero)
+    assert model.replays.count == count + len(model.features)
+    exact = model.centre[TIPS][RobotKind.JOINTS] - begun[TIPS]
+    assert not np.array_equal(exact, moved[TIPS])
+    assert np.std(exact - moved[TIPS]) < 0.2 * np.std(moved[TIPS])
+    model.recentre((), zero)
+
+
+def test_another_walk_is_no_repeat(model):
+    first = model.features[NULL]
+    other = replace(first, goal_rad=first.goal_rad + 0.05)
+    assert first.like(other)
+    assert not first.repeats(other)
+    assert first.repeats(model.features[TIPS])
 
 
 def test_a_robot_as_believed_is_consistent(model):

@@ -1,5 +1,6 @@
 """Which effects of a screening are fitted, and which tolerances are tried by name."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -98,7 +99,10 @@ class Exact(RobotSearch):
     def __init__(self, squares, large=(), found_there=0.0, borne_out=1.0, refined=None):
         curves = SimpleNamespace(tries=lambda name: [1.0, *large])
         self.model = SimpleNamespace(
-            recentre=self._recentre, retrace=lambda settings, z: None, curves=curves
+            recentre=self._recentre,
+            retrace=lambda settings, z: None,
+            curves=curves,
+            following=nullcontext,
         )
         self.more = refined or {}  #: what is gained beside that once traces are taken anew
         self.which, self.squares, self.replayed = [0], squares, []
@@ -110,6 +114,9 @@ class Exact(RobotSearch):
 
     def _say(self, stage):
         self.replayed.append(stage.split()[1])
+
+    def _replayed(self, found):
+        return found
 
     def refined(self, settled):
         return replace(settled, cost=settled.cost - self.more.get(settled.names, 0.0))
@@ -228,7 +235,9 @@ class Sprung(RobotSearch):
 
     def __init__(self, there):
         self.model = SimpleNamespace(
-            recentre=self._recentre, curves=SimpleNamespace(tries=lambda name: [1.0, 8.0])
+            recentre=self._recentre,
+            curves=SimpleNamespace(tries=lambda name: [1.0, 8.0]),
+            following=nullcontext,
         )
         self.sight = SimpleNamespace(inflation=lambda fit, name: 2.0)
         self.which, self.there, self.at = [0], there, None
