@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from .nuisances import LATE_S
 from .observed import Channel, Observed
 from .screening import screen
 from .search import NUMBER_NATS, Gain, confirm, drop
+from .valleys import elsewhere
 
 PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
@@ -45,14 +47,16 @@ def objection(
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
         return f"its two numbers differ by no more than chance, which is {SPLIT[gain.effect]}"
     plainer = PLAINER.get(gain.effect)
-    if plainer is None or plainer in effects or plainer in found.hypothesis.effects:
+    if plainer is None or plainer in found.hypothesis.effects:
         return None
     without, own = drop(model, found, gain.effect)
     plain = catalogue()[plainer]
     _, _, start = screen(model, without, [plain])[0]
     best = confirm(model, without, plain, start)
+    best = replace(best, fit=elsewhere(model, best.fit)).over(model, without)
     if own.deflated - best.counted(own.inflation) < 2.0 * NUMBER_NATS:
-        return f"nothing is seen of what sets it apart from {plainer}, which is not to be named"
+        named = "" if plainer in effects else ", which is not to be named"
+        return f"nothing is seen of what sets it apart from {plainer}{named}"
     return None
 
 
