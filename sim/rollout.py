@@ -39,7 +39,8 @@ class Replay:
     column of commands at the beginning, ``position_rad`` and ``velocity_rad_s`` those of the output
     shaft. ``held_rad`` is a goal that was in force before; without one the position law begins with
     the replay, and a goal whose speed is limited starts where the joint is. ``rests``: the gear
-    carries the load from the beginning; else it is not twisted then.
+    carries the load from the beginning; else it is not twisted then. ``path`` (ticks, 2) is what
+    the servo showed at every tick of the drive, angle and speed, where a load on a leash is led.
     """
 
     start: Array
@@ -49,6 +50,7 @@ class Replay:
     velocity_rad_s: float = 0.0
     held_rad: float | None = None
     rests: bool = False
+    path: Array | None = None
 
     @property
     def end_s(self) -> float:
@@ -161,10 +163,19 @@ class Batch:
         self._samples = np.concatenate([r.samples for r in replays])
         self._sample_range = _ranges([len(r.samples) for r in replays])
         self._end_s = np.array([r.end_s for r in replays])
+        paths = [np.zeros((0, 2)) if r.path is None else r.path for r in replays]
+        self._path = np.concatenate(paths)
+        self._path_range = _ranges([len(path) for path in paths])
 
-    def run(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> list[Array]:
-        """Run candidate ``k`` on replay ``replays[k]``; a (samples, CHANNELS) array for each."""
-        groups, jobs = self._jobs(candidates, replays)
+    def run(
+        self, candidates: Sequence[Candidate], replays: Sequence[int], leash_rad_s: float = 0.0
+    ) -> list[Array]:
+        """Run candidate ``k`` on replay ``replays[k]``; a (samples, CHANNELS) array for each.
+
+        On a leash every load is led along its replay's path, by a spring and a critical damper that
+        alone would bring it there at ``leash_rad_s``.
+        """
+        groups, jobs = self._jobs(candidates, replays, leash_rad_s)
         longest = max(len(self.replays[r].samples) for r in replays)
         out = np.full((len(candidates), longest, lanes.CHANNELS), np.nan)
         self._share(groups, jobs, out)
@@ -202,7 +213,9 @@ class Batch:
             task.result()
         return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
 
-    def _jobs(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> tuple[Array, Jobs]:
+    def _jobs(
+        self, candidates: Sequence[Candidate], replays: Sequence[int], leash_rad_s: float = 0.0
+    ) -> tuple[Array, Jobs]:
         rows = np.zeros((len(candidates), lanes.ROWS))
         supplies, loads = rows[:, lanes.OF_SUPPLIES :], rows[:, lanes.OF_LOADS :]
         for j, (c, r) in enumerate(zip(candidates, replays, strict=True)):
@@ -222,6 +235,10 @@ class Batch:
             loads[j, lanes.SAMPLE_SKEW] = c.skew_s + c.late_s
             loads[j, lanes.DUTY_REFRESH] = c.load_refresh_s
             loads[j, lanes.DUTY_PHASE] = c.load_phase_s
+            if leash_rad_s > 0.0 and replay.path is not None:
+                inertia = c.load.inertia_kg_m2 + float(c.drive[kernel.ROTOR_INERTIA])
+                loads[j, lanes.LEASH] = inertia * leash_rad_s**2
+                loads[j, lanes.LEASH_DAMPING] = 2.0 * inertia * leash_rad_s
         number = self._groups(rows[:, : kernel.PARAMS], self._end_s[np.asarray(replays)])
         gravity = [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]
         jobs = Jobs(
@@ -234,6 +251,8 @@ class Batch:
             np.concatenate(gravity),
             _ranges([len(c.load.sine_nm) for c in candidates]),
             self._end_s,
+            self._path,
+            self._path_range,
         )
         return np.ascontiguousarray(rows[number].swapaxes(1, 2)), jobs
 

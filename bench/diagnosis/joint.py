@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,13 +19,11 @@ from .beginning import begun
 from .contradiction import supply_contradiction
 from .faint import strained
 from .fit import Fit, block_rms, estimate_noise, remaining
-from .floor import noise_floor, tolerance
-from .gear import PLAINLY, SpringError, asked_again, believed, sprung
 from .intervals import estimates
 from .journal import Journal
-from .knobs import SEEN, joint_effects
+from .knobs import SEEN, joint_effects, of_drive
 from .lost import lost_samples
-from .model import GEARS, Blocks, Hypothesis, JointModel, Kind, believed_refresh_s
+from .model import Blocks, JointModel, Kind, believed_refresh_s
 from .next_experiment import next_experiments
 from .observed import Observed
 from .play import PLAY, play, play_cause
@@ -36,7 +34,8 @@ from .result import Cause, Diagnosis, FitSummary, verdict_of
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
 from .search import Progress, beside_others
-from .settling import Settled, explained, settle
+from .settling import explained
+from .views import Views, unlike
 from .watch import Watch
 
 Floats = NDArray[np.float64]
@@ -46,7 +45,11 @@ AFTER_ALL = (
     "recordings that were held out differ as no other does; {} of them were fitted after all, so "
     "that what was found is judged on the same motions alone"
 )
-UNLIKE = 2.0  #: times what is left where it was fitted, of recordings that no other is like
+HUNTS = (
+    "{} swings by itself, and replays do not keep step with that: they were led along what was "
+    "recorded, by a leash of {:g} rad/s, and errors are those on it; without it they are "
+    "{:.3g} rad before and {:.3g} rad after"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,12 +83,13 @@ def diagnose_joint(
     keeps what is done, and has what was done before.
     """
     watch = say if isinstance(say, Watch) else Watch(say)
-    effects = joint_effects() if effects is None else dict(effects)
+    (drive,) = (j.drive for j in base.joints if j.name == observed[0].joint)
+    effects = of_drive(joint_effects() if effects is None else effects, drive)
     observed, judged = begun(base, robot, observed), begun(base, robot, judged)
     renewed = load_refresh(observed, believed_refresh_s(robot, observed[0].joint))
     period_s = renewed.parameters["period_s"].value if renewed else None
     watch.tell("fitting what the operator believes")
-    joint = _Joint(base, robot, effects, journal, period_s, watch)
+    joint = Views(base, robot, effects, journal, period_s, watch)
     view = joint.look(observed, judged)
     added = () if watch.stopped is not None else unlike(view)
     if added:
@@ -159,6 +163,7 @@ def diagnose_joint(
             *_limits(model, after, {kind for _, kind in start_blocks}, watch),
             *((AFTER_ALL.format(", ".join(sorted(added))),) if added else ()),
             *((pushed.words,) if pushed is not None else ()),
+            *_hunting(judge, before, after),
         ),
         rejected=tuple(rejected),
         channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
@@ -177,6 +182,7 @@ def diagnose_joint(
             "rollouts": model.rollouts,
             "taken_back": [row["effect"] for row in settled.rejected],
             "gear": "as the robot file has it" if model.sprung else "rigid",
+            "leash_rad_s": model.leash_rad_s,
             "nuisances": {
                 n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
                 for n, x in zip(model.nuisances, after.z, strict=False)
@@ -199,87 +205,18 @@ def diagnose_joint(
     return JointFindings(diagnosis, model, before, after, judge)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """A joint with one gear or another, and what is found with it."""
-
-    model: JointModel
-    before: Fit
-    judge: JointModel
-    start: Blocks
-    floor: float
-    floors: Mapping[Kind, float]
-    settled: Settled
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Joint:
-    """What a search for causes starts from, whichever recordings are fitted."""
-
-    base: PhysicalRobot
-    robot: Robot
-    effects: Mapping[str, Effect]
-    journal: Journal | None
-    refresh_s: float | None
-    watch: Watch
-
-    def look(self, observed: Sequence[Observed], judged: Sequence[Observed]) -> View:
-        """What is found in some recordings, with the gear that follows them."""
-        model, before = believed(self.base, self.robot, observed, self.journal, self.refresh_s)
-        try:
-            view = self._with(model, before, judged, asked_again(model))
-        except SpringError:
-            view = None
-        if view is not None and not (GEARS & set(view.settled.thought_of)):
-            return view
-        if self.watch.stopped is None and (other := sprung(model)) is not None:
-            self.watch.tell("the gear as the robot file has it")
-            again = self._with(*other, judged)
-            if view is None or again.settled.after.cost < view.settled.after.cost + PLAINLY:
-                return again
-        assert view is not None, "a search that was given up had time, and the file a spring"
-        return view
-
-    def _with(
-        self,
-        model: JointModel,
-        before: Fit,
-        judged: Sequence[Observed],
-        ask: Callable[[Fit], None] = lambda _: None,
-    ) -> View:
-        judge = model.of(judged) if judged else model
-        start = model.residuals(Hypothesis(), [before.z])[0]
-        floor = noise_floor(model.observed, start)
-        floors = {kind: noise.total for kind, noise in before.noise.items()} | {
-            Kind.POSITION: tolerance(floor)
-        }
-        others = judge if judged else None
-        settled = settle(model, others, before, self.effects, floor, floors, self.watch, ask)
-        return View(model, before, judge, start, floor, floors, settled)
-
-
-def unlike(view: View) -> frozenset[str]:
-    """Recordings that judge, and must be fitted as well for anything to be found; mostly none.
-
-    A limit is in no recording but those that reach it. Where those that were held out have a
-    structured rest of a size that those that were fitted do not have, half of each group's repeats
-    are fitted after all; the others, of the same motions, judge.
-    """
-    model, judge, after = view.model, view.judge, view.settled.after
-    if judge is model or not rest_of(model, judge, after, view.floor).structured:
-        return frozenset()
-    rest = [block_rms(remaining(some, after), Kind.POSITION) for some in (model, judge)]
-    if rest[1] < UNLIKE * rest[0]:
-        return frozenset()
-    groups: dict[str, list[str]] = {}
-    for one in judge.observed:
-        groups.setdefault(one.group, []).append(one.name)
-    return frozenset(name for names in groups.values() for name in names[: len(names) // 2])
-
-
 def _rms(judge: JointModel, found: Fit) -> float:
     """What a fit leaves of the recordings that judge it, as they are [rad]."""
     return block_rms(judge.residuals(found.hypothesis, [found.z])[0], Kind.POSITION)
+
+
+def _hunting(judge: JointModel, before: Fit, after: Fit) -> tuple[str, ...]:
+    """What is to be said of a joint whose replays were on a leash."""
+    if not judge.leash_rad_s:
+        return ()
+    free = judge.led(0.0)
+    joint = judge.observed[0].joint
+    return (HUNTS.format(joint, judge.leash_rad_s, _rms(free, before), _rms(free, after)),)
 
 
 def told_once(

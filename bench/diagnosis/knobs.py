@@ -8,10 +8,11 @@ effect are logarithmic where they can be.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from sim.drive import kernel
+from sim.drive.parameters import DriveParameters
 from sim.effects import Effect, Parameter, Scope, catalogue
 from sim.robot import PhysicalRobot
 
@@ -124,6 +125,7 @@ TWINS = {
 
 
 SOFTER = "joint_compliance"
+VISCOUS = "viscous_friction"
 #: parameters that one joint on a rig cannot show: a weight is where the robot file puts it; and a
 #: gear's damping, of which nobody knows enough to call any a finding
 NOT_TURNED = frozenset(
@@ -150,6 +152,23 @@ def joint_effects() -> dict[str, Effect]:
         for name, effect in catalogue().items()
         if name not in OUTSIDE and effect.scope in scopes
     }
+
+
+def of_drive(effects: Mapping[str, Effect], drive: DriveParameters) -> dict[str, Effect]:
+    """The same effects, of which none takes more friction from a drive than it is believed to have.
+
+    An effect changes nothing beyond that, and a size that is told of it would be none.
+    """
+    least = {
+        "coulomb_friction": drive.friction.coulomb_nm,
+        VISCOUS: drive.friction.viscous_nm_s_rad,
+    }
+    bounded = dict(effects)
+    for name in least.keys() & effects.keys():
+        (amount,) = effects[name].parameters
+        low = max(amount.low, -least[name])
+        bounded[name] = replace(effects[name], parameters=(replace(amount, low=low),))
+    return bounded
 
 
 def with_effects(robot: PhysicalRobot, knobs: Sequence[Knob], z: Sequence[float]) -> PhysicalRobot:

@@ -31,6 +31,7 @@ from sim.rollout import Batch, Candidate, Load
 from .instants import located, looked_back
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
+from .leash import path
 from .left import Left, good, runs_away
 from .noise import Block
 from .nuisances import GEAR_LEVELS, PUNCH, nuisances
@@ -87,7 +88,7 @@ class JointModel:
 
     A vector ``z`` is the nuisances in the order of :attr:`nuisances`, then the hypothesis's knobs.
     ``sprung`` makes the gear the spring that the robot file has; else rotor and load are one mass,
-    but in hypotheses about the gear.
+    but in hypotheses about the gear. ``leash_rad_s`` is that of :mod:`.leash`; 0 is none.
     """
 
     def __init__(
@@ -99,8 +100,9 @@ class JointModel:
         load_refresh_s: float | None = None,
         *,
         sprung: bool = False,
+        leash_rad_s: float = 0.0,
     ) -> None:
-        self.base, self.sprung = base, sprung
+        self.base, self.sprung, self.leash_rad_s = base, sprung, leash_rad_s
         self.journal = journal  #: of steps that are done, if they are kept
         self.observed = tuple(observed)
         joint = observed[0].joint
@@ -129,7 +131,10 @@ class JointModel:
         volts = [located(o, Channel.VOLTAGE, o.volts_s) for o, _ in duties]
         #: with registers at the instants they were made
         self._shown = [looked_back(one) for one, _ in volts]
-        self._batch = Batch([o.replay for o in self._shown])
+        paths = [path(o) if leash_rad_s else None for o in self._shown]
+        self._batch = Batch(
+            [replace(o.replay, path=way) for o, way in zip(self._shown, paths, strict=True)]
+        )
         self._sensed = [
             np.interp(o.replay.samples, o.position.t_s[o.position.good], good(o))
             for o in self._shown
@@ -155,6 +160,7 @@ class JointModel:
             self.mount,
             self._load_refresh_s,
             self.sprung,
+            self.leash_rad_s,
             [(n.name, n.deviation, n.ends) for n in self.nuisances],
             *(part for one in self.observed for part in one.parts()),
         )
@@ -166,8 +172,15 @@ class JointModel:
 
     def of(self, observed: Sequence[Observed], *, sprung: bool = False) -> JointModel:
         """The same joint in other recordings; ``sprung``: with the gear of its file at last."""
+        return self._like(observed, sprung or self.sprung, self.leash_rad_s)
+
+    def _like(self, observed: Sequence[Observed], sprung: bool, leash_rad_s: float) -> JointModel:
         known = self.base, self.robot, observed, self.journal, self._load_refresh_s
-        return JointModel(*known, sprung=sprung or self.sprung)
+        return JointModel(*known, sprung=sprung, leash_rad_s=leash_rad_s)
+
+    def led(self, leash_rad_s: float) -> JointModel:
+        """The same joint, its replays led along the recorded angles on a leash."""
+        return self._like(self.observed, self.sprung, leash_rad_s)
 
     def rigid(self, hypothesis: Hypothesis) -> bool:
         """Whether rotor and load are one mass."""
@@ -337,7 +350,7 @@ class JointModel:
             replace(c, source_ohm=0.0) if self.recorded_supply[r] and c.source_ohm else c
             for c, r in zip(candidates, replays, strict=True)
         ]
-        return list(self._batch.run(stiff, replays))
+        return list(self._batch.run(stiff, replays, self.leash_rad_s))
 
     def duty(self, hypothesis: Hypothesis, z: Floats, r: int) -> tuple[Floats, Floats]:
         """Times [s] and sizes of the duty that a vector makes of one recording."""

@@ -14,6 +14,7 @@ from .model import JointModel
 from .result import Rival
 from .screening import screen
 from .search import Gain, Progress, confirm, drop
+from .veto import SPLIT
 
 TRIED = 3  #: rivals that are fitted in an effect's place
 CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
@@ -83,6 +84,9 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
     own = named.counted(scale) - named.unlikely
     behind = {g.effect: own - (g.counted(scale) - g.unlikely) for g in tried}
+    for other, plainer in SPLIT.items():  # the same and more, so that it always fits as well
+        if plainer == named.effect and other in behind:
+            behind[other] = max(behind[other], AS_GOOD)
     alike = [
         g.effect
         for g in tried

@@ -28,7 +28,7 @@ from .search import (
     drop,
     inside,
 )
-from .veto import BEHIND, objection
+from .veto import AGREES, BEHIND, objection
 from .watch import Watch
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
@@ -46,6 +46,9 @@ FAINT = "it changes nothing by more than two sound simulations of one joint diff
 CONTRADICTED = "the motion is farther off with it, though other registers or its noise are likelier"
 #: reasons that hang on what else is in a hypothesis: beside another cause a name may hold
 HANGS = frozenset({BETTER, NOTHING, ALONE, BESIDE, FAINT, CONTRADICTED})
+
+
+Grown = tuple[Fit, Sequence[Gain], Sequence[Gain]]  #: a fit, its names, and all that was confirmed
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +98,7 @@ def settle(
     floors: Mapping[Kind, float],
     watch: Watch,
     ask: Callable[[Fit], None] = lambda _: None,
+    found: Grown | None = None,
 ) -> Settled:
     """Search, and take names back until nothing speaks against those that are left.
 
@@ -105,8 +109,11 @@ def settle(
 
     Where something structured is left, the best pair that begins otherwise is searched on from, and
     what comes of that is taken if it is likelier and leaves less on recordings that judge.
+    ``found`` is what a search has found already: then it is only judged.
     """
     settling = _Settling(model, judge, before, floor, floors, watch, ask)
+    if found is not None:
+        return settling.settled(effects, found)
     first = settling.settled(effects, settling.grown(before, effects))
     if watch.stopped is not None or not settling.leaves(first.after):
         return first
@@ -122,9 +129,6 @@ def settle(
     rows = [row for row in first.rejected if row["effect"] not in second.thought_of]
     refuted = {*first.refuted, *second.refuted}
     return replace(second, rejected=[*rows, *second.rejected], refuted=refuted)
-
-
-Grown = tuple[Fit, Sequence[Gain], Sequence[Gain]]  #: a fit, its names, and all that was confirmed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,7 +237,8 @@ def _objected(
     explained = before.cost - after.cost
     for gain in taken:
         if (why := objection(model, after, gain, effects)) is not None:
-            return Denied(gain, why, BEHIND * explained, refuted=True)
+            refuted = not why.startswith(AGREES)  # it may still be what the plainer one could be
+            return Denied(gain, why, BEHIND * explained, refuted=refuted)
     if taken and explained < needed:
         return Denied(taken[-1], BETTER)
     return None

@@ -13,6 +13,7 @@ from .beginning import EARLY_S
 from .confidence import NORMAL
 from .fit import EDGE, Fit
 from .intervals import ENGINES_SHARE, Spread
+from .knobs import VISCOUS
 from .model import JointModel
 from .nuisances import LATE_S
 from .observed import Channel, Observed
@@ -22,6 +23,7 @@ from .valleys import elsewhere
 
 PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
+AGREES = "its two numbers differ by no more than chance, which is "
 WAVES = "periods"  #: number of an effect that is a wave, which ends where nothing is one any more
 LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
 PACE = "velocity_limit"  #: an effect that is a limit of how fast a goal moves
@@ -36,7 +38,7 @@ BEHIND = 0.5  #: of the gain of a name taken back that another must have, to tak
 def objection(
     model: JointModel, found: Fit, gain: Gain, effects: Mapping[str, Effect]
 ) -> str | None:
-    """Why an effect of a fit cannot be the cause; ``None`` where nothing speaks against it."""
+    """Why an effect of a fit is not named; ``None`` where nothing speaks against it."""
     why = _implausible(model, found, gain.effect)
     if why is None and gain.effect == LIMITS:
         why = _shown_beyond(model, found)
@@ -45,7 +47,7 @@ def objection(
     if why is not None:
         return why
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
-        return f"its two numbers differ by no more than chance, which is {SPLIT[gain.effect]}"
+        return AGREES + SPLIT[gain.effect]
     plainer = PLAINER.get(gain.effect)
     if plainer is None or plainer in found.hypothesis.effects:
         return None
@@ -71,7 +73,8 @@ def _implausible(model: JointModel, found: Fit, effect: str) -> str | None:
             return "half a wave a turn, or less, is no wave of a sensor: an angle off or a slope"
         if knob.parameter.shape:
             continue
-        if z >= high - EDGE or (low < 0.0 and z <= low + EDGE):
+        none_left = effect == VISCOUS and z <= low + EDGE  # a drive may have none
+        if z >= high - EDGE or (low < 0.0 and z <= low + EDGE and not none_left):
             return (
                 f"it would need {knob.parameter.name} = {knob.value(z):.3g} {knob.parameter.unit} "
                 "or beyond, which is not plausible"

@@ -66,7 +66,9 @@ SAMPLE_SKEW = 4  #: angle and speed are of an instant this much later than their
 DUTY_REFRESH = 5  #: what a sample shows of the duty is made anew in this period [s], 0 is always
 DUTY_PHASE = 6  #: when that first happens [s]
 TWIST = 7  #: of the rotor over the shaft at the start [rad]
-LOADS = 8
+LEASH = 8  #: stiffness with which the load is led along what was recorded [N m/rad], 0 is free
+LEASH_DAMPING = 9  #: [N m s/rad]
+LOADS = 10
 
 # --- what a rollout gives of a sample: out[job, sample, channel]
 OUT_POSITION = 0  #: as the servo senses it, without quantisation [rad]
@@ -133,7 +135,9 @@ class Jobs(NamedTuple):
     (n,) times [s], both ascending within a recording and from ``event_range`` and ``sample_range``
     (recordings + 1,). The torque of gravity is ``cos(q) gravity[0] - sin(q) gravity[1]`` with the
     columns of ``gravity`` (n, 2) from ``gravity_range`` (jobs + 1,), spread evenly over the job's
-    time and interpolated; one row is a constant. ``end_s`` (recordings,) ends the rollout.
+    time and interpolated; one row is a constant. ``end_s`` (recordings,) ends the rollout. ``path``
+    (n, 2) is what the servo showed at the beginning of every tick, angle [rad] and speed [rad/s],
+    from ``path_range`` (recordings + 1,): where a load on a leash is led.
     """
 
     number: Integers
@@ -145,6 +149,8 @@ class Jobs(NamedTuple):
     gravity: Array
     gravity_range: Integers
     end_s: Array
+    path: Array
+    path_range: Integers
 
 
 Rollout = Callable[[Array, Jobs, float, int, int, int, Integers, Array], None]
@@ -268,6 +274,9 @@ def roll(  # noqa: PLR0912 - one tick, in loops that the compiler makes vectors 
         for k in range(LANES):
             hang(params, loads, k, lanes)
             control_one(arrays, k, lanes[TICK_SENSED, k], lanes[TICK_VELOCITY, k], tick_s)
+        for k in range(live):
+            if loads[LEASH, k] > 0.0:
+                lead(jobs, number[k], k, tick, tick_s, loads, lanes)
         for k in range(LANES):
             if now >= lanes[DUTY_DUE, k]:
                 lanes[DUTY_SHOWN, k] = states[DUTY, k]
@@ -392,6 +401,20 @@ def hang(params: Array, loads: Array, k: int, lanes: Array) -> None:
     lanes[TICK_POSITION, k], lanes[TICK_VELOCITY, k] = shaft, loads[SHAFT_VELOCITY, k]
     lanes[PULL, k] = cosine * cos - sine * sin + cable_torque(params, k, shaft)
     lanes[SLOPE, k] = -cosine * sin - sine * cos - params[CABLE_STIFFNESS, k]
+
+
+@inlined
+def lead(
+    jobs: Jobs, job: int, k: int, tick: int, tick_s: float, loads: Array, lanes: Array
+) -> None:
+    """Add a leash's pull on a lane's load, towards what the servo showed when the tick begins."""
+    recording = jobs.recording[job]
+    first, last = jobs.path_range[recording], jobs.path_range[recording + 1]
+    row = first + tick - round(loads[SAMPLE_SKEW, k] / tick_s)
+    row = min(last - 1, max(first, row))
+    away = jobs.path[row, 0] - lanes[TICK_SENSED, k]
+    faster = jobs.path[row, 1] - lanes[TICK_VELOCITY, k]
+    lanes[PULL, k] += loads[LEASH, k] * away + loads[LEASH_DAMPING, k] * faster
 
 
 @inlined

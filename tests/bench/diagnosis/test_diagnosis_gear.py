@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, logs, model_of, robot
 
-from bench.diagnosis import joint
+from bench.diagnosis import joint, views
 from bench.diagnosis.fit import bounds, fit
 from bench.diagnosis.gear import SpringError, asked_again, believed
 from bench.diagnosis.knobs import effect_knobs
@@ -79,7 +79,7 @@ def test_the_spring_of_the_file_is_no_compliance_where_it_was_taken_for_rigid(mo
         model = JointModel(*known)
         return model, fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
 
-    monkeypatch.setattr(joint, "believed", taken_for_rigid)
+    monkeypatch.setattr(views, "believed", taken_for_rigid)
     effects = {"joint_compliance": effect("joint_compliance")}
     found = joint.diagnose_joint(read_model(robot()), robot(), told, effects=effects)
     assert found.model.sprung

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pendulum_logs import POSITION, logs, model_of
+from pendulum_logs import POSITION, logs, model_of, robot
 
 from bench.diagnosis import intervals, valleys
 from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
 from bench.diagnosis.intervals import FALL, REACH, Spread, _inverse, estimates, interval
-from bench.diagnosis.knobs import effect_knobs, joint_effects
+from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.nuisances import LATE_S
 from bench.diagnosis.observed import Channel
@@ -33,6 +33,7 @@ from bench.diagnosis.settling import (
 from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, elsewhere, explore, strayed
 from bench.diagnosis.veto import largest_step, objection
 from sim.effects import effect
+from sim.model import read_model
 from sim.stepped import TICK_S
 
 EVERY = joint_effects()
@@ -247,6 +248,18 @@ def test_a_size_that_nothing_has_speaks_against_a_name():
     assert objection(model, found, gain_of("load_friction", found), EVERY) is None
 
 
+@pytest.mark.parametrize(
+    ("name", "speaks"), [("coulomb_friction", True), ("viscous_friction", False)]
+)
+def test_a_gear_has_dry_friction_and_may_have_no_other(name, speaks):
+    drive = read_model(robot()).joints[0].drive
+    knobs = effect_knobs(of_drive(EVERY, drive)[name])
+    model = model_of(logs(motions=("slow",)))
+    z = np.append(np.zeros(len(model.nuisances)), knobs[0].bounds[0])
+    found = Fit(Hypothesis(knobs), z, {}, 0.0)
+    assert (objection(model, found, gain_of(name, found), EVERY) is not None) is speaks
+
+
 def test_nothing_speaks_against_an_effect_that_is_off_or_against_its_shape():
     knobs = effect_knobs(effect("cable_drag"))
     values = [0.0, knobs[1].bounds[1]]
@@ -333,6 +346,17 @@ def test_what_is_no_more_than_a_plainer_effect_is_not_named_for_it(planted, trut
     for effects in (EVERY, fewer):
         why = objection(model, found, gain_of(name, found), effects)
         assert (why is not None) is speaks
+
+
+def test_numbers_that_agree_are_no_reason_against_a_name_as_a_rival():
+    name = "directional_load_friction"
+    model, found = fitted(name, {"driving": 0.3, "backdriving": 0.3}, [1.0, 1.0])
+    denied = _objected(model, found, found, [gain_of(name, found)], EVERY, needed=0.0)
+    assert not denied.refuted
+    (knob,) = effect_knobs(effect("load_friction"))
+    model, found = with_numbers("load_friction", [knob.bounds[1]])
+    gain = gain_of("load_friction", found)
+    assert _objected(model, found, found, [gain], EVERY, needed=0.0).refuted
 
 
 def test_what_explains_far_less_than_a_name_taken_back_is_not_named():

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pytest
 from pendulum_logs import JOINT, MOTIONS, POSITION, logs, robot
 
-from bench.diagnosis import joint
+from bench.diagnosis import joint, views
 from bench.diagnosis.joint import diagnose_joint
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import Channel, observe
@@ -114,7 +114,7 @@ def test_a_name_is_told_once_as_a_rival_or_as_rejected(monkeypatch):
         close = [Rival(other, (JOINT,), 0.3, 1.0) for other in back[:2]]
         return 0.4, close, {rival.effect: now for rival in close}, now
 
-    monkeypatch.setattr(joint, "settle", settled)
+    monkeypatch.setattr(views, "settle", settled)
     monkeypatch.setattr(joint, "rivals", in_its_place)
     monkeypatch.setattr(joint, "next_experiments", lambda _, __, fits, ___: list(fits))
     observed = observe(logs(TRUTH, ("steps", "slow")), robot(), JOINT)

@@ -8,7 +8,14 @@ import pytest
 from pendulum_logs import logs, model_of, robot
 
 from bench.diagnosis.fit import bounds
-from bench.diagnosis.knobs import AMOUNTS, TWINS, effect_knobs, joint_effects, with_effects
+from bench.diagnosis.knobs import (
+    AMOUNTS,
+    TWINS,
+    effect_knobs,
+    joint_effects,
+    of_drive,
+    with_effects,
+)
 from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.nuisances import CENTRE_M, MASS, NUISANCES, WITHIN, nuisances
 from sim.drive import kernel
@@ -248,3 +255,19 @@ def test_a_rotor_that_is_hardly_known_keeps_an_inertia_that_a_spring_can_move(le
     assert 0.0 < lighter.drive[kernel.ROTOR_INERTIA] < made.drive[kernel.ROTOR_INERTIA]
     (out,) = Batch([sprung.observed[0].replay], 1).run([lighter], [0])
     assert np.abs(out).max() < 1e3
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction"])
+def test_no_effect_takes_more_friction_from_a_drive_than_it_has(name):
+    drive = read_model(robot()).joints[0].drive
+    own = {
+        "coulomb_friction": drive.friction.coulomb_nm,
+        "viscous_friction": drive.friction.viscous_nm_s_rad,
+    }
+    bounded = of_drive(joint_effects(), drive)
+    (knob,) = effect_knobs(bounded[name])
+    assert knob.value(knob.bounds[0]) == pytest.approx(-own[name])
+    (before,) = effect_knobs(joint_effects()[name])
+    assert knob.bounds[1] == before.bounds[1]
+    others = set(bounded) - set(own)
+    assert all(bounded[other] is joint_effects()[other] for other in others)

@@ -147,6 +147,18 @@ def test_many_rivals_that_leave_as_little_are_together_as_likely_as_one(monkeypa
     assert sum(rival.probability for rival in close) == pytest.approx(1 - NONE_LEAST - alone)
 
 
+@pytest.mark.parametrize(("ahead", "behind"), [(40.0, AS_GOOD), (-30.0, 30.0)])
+def test_a_name_that_holds_another_is_never_likelier_than_it(monkeypatch, ahead, behind):
+    """It always fits as well; where its numbers agreed, that says nothing for it."""
+    model = model_of(logs(motions=["slow"]))
+    monkeypatch.setattr("bench.diagnosis.rivals.hardly_better", lambda *_: False)
+    named = sized("load_friction", 0.0, 300.0)
+    other = sized("directional_load_friction", 0.0, 300.0 + ahead)
+    probability, close = _among(model, named, [other])
+    assert probability > 0.5
+    assert [r.behind_nats for r in close] == ([behind] if behind < CLOSE else [])
+
+
 def test_two_names_for_one_thing_are_rivals_of_like_probability():
     """Delay of commands and skew of samples, seen by positions alone."""
     both = {name: effect(name) for name in ("transport_delay", "dead_zone")}

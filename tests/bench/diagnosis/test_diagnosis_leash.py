@@ -1,0 +1,84 @@
+"""Joints that hunt: replays on a leash, and what is named by them."""
+
+import numpy as np
+import pytest
+from pendulum_logs import CONDITION, JOINT, POSITION, logs, model_of, robot
+
+from bench.diagnosis.fit import block_rms
+from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.knobs import effect_knobs
+from bench.diagnosis.leash import LEASH_RAD_S, path
+from bench.diagnosis.model import Hypothesis, Kind
+from bench.diagnosis.observed import observe
+from sim.effects import effect
+from sim.model import read_model
+from sim.stepped import TICK_S
+
+WIDTH_RAD = 0.05
+PLAY = {"backlash": {"width_rad": WIDTH_RAD}}
+#: a weight near the axis, play, and a gain five times the factory's: the arm swings at every stop
+HUNTING = {
+    "condition": CONDITION | {"payload_at_m": 0.02},
+    "settings": {"position_p_gain": 2000},
+    "registers": (POSITION,),
+    "pace_s": 0.005,
+}
+
+
+def hunting(truth=None, **more):
+    return logs(truth or PLAY, sprung=True, **(HUNTING | more))
+
+
+def left_mrad(model, width_rad):
+    """What play of a width leaves of recordings, all else as believed."""
+    knobs = effect_knobs(effect("backlash"))
+    z = np.append(np.zeros(len(model.nuisances)), knobs[0].at(width_rad))
+    return 1e3 * block_rms(model.residuals(Hypothesis(knobs), [z])[0], Kind.POSITION)
+
+
+def test_a_path_is_what_was_recorded_at_every_tick_and_how_fast_it_went():
+    (one,) = observe(logs(motions=("fast",)), robot(), JOINT)
+    way = path(one)
+    t_s = np.arange(len(way)) * TICK_S
+    assert t_s[-1] >= one.replay.end_s
+    good = one.position.good
+    shown = np.interp(t_s, one.position.t_s[good], one.position.value[good])
+    assert way[:, 0] == pytest.approx(shown, abs=0.01)
+    speed = np.gradient(way[:, 0], TICK_S)
+    assert way[1:-1, 1] == pytest.approx(speed[1:-1], abs=0.02 * np.abs(speed).max())
+
+
+def test_a_leash_pulls_at_nothing_where_nothing_is_missing():
+    model = model_of(hunting())
+    free, led = (left_mrad(m, WIDTH_RAD) for m in (model, model.led(LEASH_RAD_S)))
+    assert free < 0.6
+    assert led < 1.5  # between samples nobody knows the way
+
+
+def test_a_size_that_is_a_little_off_is_near_on_a_leash_and_lost_without():
+    model = model_of(hunting())
+    without, free, led = (
+        left_mrad(model, 0.0),
+        left_mrad(model, 1.1 * WIDTH_RAD),
+        left_mrad(model.led(LEASH_RAD_S), 1.1 * WIDTH_RAD),
+    )
+    assert free > without  # samples compared one by one say that play is wrong
+    assert led < 0.4 * free
+
+
+def test_a_leash_goes_along_to_other_recordings_and_can_be_let_go():
+    model = model_of(hunting(motions=("slow",))).led(LEASH_RAD_S)
+    assert model.of(model.observed).leash_rad_s == LEASH_RAD_S
+    assert model.led(0.0).leash_rad_s == 0.0
+    assert model.key != model.led(0.0).key
+
+
+@pytest.mark.slow
+def test_play_of_a_joint_that_hunts_is_named_with_its_size():
+    observed = observe(hunting(), robot(), JOINT)
+    effects = {n: effect(n) for n in ("backlash", "coulomb_friction", "joint_compliance")}
+    found = diagnose_joint(read_model(robot()), robot(), observed, effects=effects).diagnosis
+    assert found.verdict == "explained"
+    (cause,) = found.causes
+    assert cause.effect == "backlash"
+    assert cause.parameters["width_rad"].value == pytest.approx(WIDTH_RAD, rel=0.05)
