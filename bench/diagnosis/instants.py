@@ -13,6 +13,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from busemu.tables import Robot
+
 from .observed import Channel, Observed
 
 Floats = NDArray[np.float64]
@@ -107,3 +109,9 @@ def _best(first_s: Floats, last_s: Floats, periods_s: Floats) -> tuple[int, floa
     half = 0.5 * float(room[row, place])
     every = float(periods[row, 0])
     return int(held.max()), half, every, float(edges[row, place] + half) % every
+
+
+def believed_refresh_s(robot: Robot, joint: str) -> float:
+    """The period in which a servo's load register is renewed by its file [s], 0 where always."""
+    table = robot.tables[robot.by_joint[joint].servo_id]
+    return float(table.drive.get("load_refresh_s", 0.0))

@@ -19,11 +19,12 @@ from .beginning import begun
 from .contradiction import supply_contradiction
 from .faint import strained
 from .fit import Fit, block_rms, estimate_noise, remaining
+from .instants import believed_refresh_s
 from .intervals import estimates
 from .journal import Journal
 from .knobs import SEEN, joint_effects, of_drive
 from .lost import lost_samples
-from .model import Blocks, JointModel, Kind, believed_refresh_s
+from .model import Blocks, JointModel, Kind
 from .next_experiment import next_experiments
 from .observed import Observed
 from .play import PLAY, play, play_cause

@@ -28,15 +28,15 @@ from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
-from .instants import located, looked_back
+from .instants import believed_refresh_s, located, looked_back
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
 from .leash import path
 from .left import Left, good, runs_away
 from .noise import Block
-from .nuisances import GEAR_LEVELS, PUNCH, nuisances
+from .nuisances import GEAR_LEVELS, PUNCH, has_punch, nuisances
 from .observed import Channel, Observed
-from .posture import arm_load
+from .posture import arm_load, lever_m
 from .sways import SWAYS
 
 Floats = NDArray[np.float64]
@@ -115,7 +115,7 @@ class JointModel:
         drive = told.section("drive").section(self.mount.model)
         law = str(robot.tables[self.mount.servo_id].drive.get("law"))
         lost = base.joints[self.index].drive.lost_at_stall
-        self.nuisances = nuisances(drive, body, _lever_m(base, joint), law, lost)
+        self.nuisances = nuisances(drive, body, lever_m(base, joint), law, lost)
         self._punched = any(has_punch(o.replay.start, *o.replay.events.T[1:]) for o in observed)
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]
@@ -394,22 +394,3 @@ class JointModel:
             if steps:
                 floors[kind] = max(steps) / np.sqrt(12.0)
         return floors
-
-
-def _lever_m(base: PhysicalRobot, joint: str) -> float | None:
-    """How far a link's centre of mass is from its joint's axis, if the link has a mass."""
-    body = next((b for b in base.bodies if b.name == joint), None)
-    if body is None or body.mass.mass_kg <= 0.0:
-        return None
-    return float(np.linalg.norm(np.cross(body.axis, body.mass.centre_m)))
-
-
-def has_punch(start: Floats, fields: Floats, values: Floats) -> bool:
-    """Whether drives are ever told a punch: by commands at first, or by changes of fields."""
-    return bool((start[kernel.PUNCH] > 0.0).any() or (values[fields == kernel.PUNCH] > 0.0).any())
-
-
-def believed_refresh_s(robot: Robot, joint: str) -> float:
-    """The period in which a servo's load register is renewed by its file [s], 0 where always."""
-    table = robot.tables[robot.by_joint[joint].servo_id]
-    return float(table.drive.get("load_refresh_s", 0.0))

@@ -12,11 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.drive import kernel
 from sim.entries import Section
 from sim.rollout import Candidate, Load
 from sim.stepped import TICK_S
+
+Floats = NDArray[np.float64]
 
 WITHIN = 2.0  #: deviations that a nuisance with a tolerance may take
 FARTHEST = 4.0  #: deviations that a nuisance may take whose deviation was stated
@@ -297,3 +300,8 @@ def nuisances(
         for n in NUISANCES
         if (n.name != PUNCH or law == UNDOCUMENTED) and usual[n.name] > 0.0
     )
+
+
+def has_punch(start: Floats, fields: Floats, values: Floats) -> bool:
+    """Whether drives are ever told a punch: by commands at first, or by changes of fields."""
+    return bool((start[kernel.PUNCH] > 0.0).any() or (values[fields == kernel.PUNCH] > 0.0).any())

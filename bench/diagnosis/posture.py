@@ -74,3 +74,11 @@ def arm_load(robot: PhysicalRobot, mount: ServoMount, posture_rad: Floats) -> Lo
         cosine_nm=mount.direction * (told.cosine_nm * cosine - told.sine_nm * sine),
         moment_nm=max(told.moment_nm, 1e-9),
     )
+
+
+def lever_m(base: PhysicalRobot, joint: str) -> float | None:
+    """How far a link's centre of mass is from its joint's axis, if the link has a mass."""
+    body = next((b for b in base.bodies if b.name == joint), None)
+    if body is None or body.mass.mass_kg <= 0.0:
+        return None
+    return float(np.linalg.norm(np.cross(body.axis, body.mass.centre_m)))

@@ -22,7 +22,8 @@ from sim.stepped import TICK_S
 
 from .confidence import NORMAL
 from .fit import Fit
-from .model import JointModel, believed_refresh_s
+from .instants import believed_refresh_s
+from .model import JointModel
 from .noise import huber
 from .observed import Channel
 from .result import Cause, Estimate

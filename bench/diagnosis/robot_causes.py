@@ -11,8 +11,9 @@ from .result import Cause, Estimate, Rival
 from .rivals import CLOSE, chances
 from .robot_effects import Placed
 from .robot_fit import RobotFit
+from .robot_gains import RobotFindings, RobotGain
 from .robot_model import RobotModel
-from .robot_search import RobotFindings, RobotGain, RobotSearch
+from .robot_search import RobotSearch
 
 #: share of a number's distance from its off value by which two engines differ about it, one
 #: deviation: RMS over eight sizes in opened cases, which were 6 to 26 % off where intervals from

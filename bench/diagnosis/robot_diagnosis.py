@@ -19,6 +19,7 @@ from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, verd
 from .robot_causes import cause_of, close_rivals
 from .robot_features import MEANS, RobotKind
 from .robot_fit import RobotFit
+from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_causes, of_nuisances
 from .robot_judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
 from .robot_model import RATTLING, RobotModel
@@ -27,7 +28,7 @@ from .robot_places import mismatch, moved
 from .robot_rattling import Play, Rattling, told
 from .robot_replay import course
 from .robot_rest import Rest, rest_of
-from .robot_search import Progress, RobotFindings, RobotGain, RobotSearch
+from .robot_search import Progress, RobotSearch
 from .robot_settling import RobotJudges
 from .watch import OutOfTimeError
 

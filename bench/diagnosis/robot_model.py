@@ -20,9 +20,8 @@ from busemu.tables import Robot
 from sim.tree import PhysicalRobot
 
 from .journal import Journal
-from .model import has_punch
 from .noise import Block
-from .nuisances import PUNCH, UNDOCUMENTED
+from .nuisances import PUNCH, UNDOCUMENTED, has_punch
 from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
 from .robot_features import APART_S, Features, RobotKind

@@ -20,8 +20,9 @@ from .result import Cause
 from .robot_causes import cause_of
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
+from .robot_gains import RobotGain
 from .robot_model import RATTLING, RobotModel
-from .robot_search import BESIDE, HELD_OUT, NEEDED, Progress, RobotGain, RobotSearch
+from .robot_search import BESIDE, HELD_OUT, NEEDED, Progress, RobotSearch
 from .robot_settling import LITTLE
 from .robot_shaking import by_kind
 

@@ -13,10 +13,11 @@ from busemu.tables import Robot
 from .growing import RELIEF
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
+from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad, steady_rmse_rad
 from .robot_model import RobotModel
-from .robot_search import AT_END, WORSE, Progress, RobotFindings, RobotGain, RobotSearch
+from .robot_search import AT_END, WORSE, Progress, RobotSearch
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65

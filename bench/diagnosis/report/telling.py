@@ -169,6 +169,11 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
             "The time was used up before the search was done: what is named may not be all, and "
             "what is left may have a name."
         )
+    if on_leash(diagnosis):
+        told.append(
+            "The joint swings by itself, and replays were led along what was recorded to keep step "
+            "with it: misfits are smaller than without that. Limits has both."
+        )
     doubtful = [c for c in diagnosis.causes if c.probability < 0.5]
     if doubtful:
         told.append(f"Less likely than its rivals together: {joined(named(c) for c in doubtful)}.")
@@ -179,8 +184,17 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
 
 def unfinished(diagnosis: Diagnosis) -> bool:
     """Whether the time was used up before the search was done, at any joint."""
+    return _at_any_joint(diagnosis, "stopped")
+
+
+def on_leash(diagnosis: Diagnosis) -> bool:
+    """Whether replays were led along what was recorded, as a joint swings by itself."""
+    return _at_any_joint(diagnosis, "leash_rad_s")
+
+
+def _at_any_joint(diagnosis: Diagnosis, detail: str) -> bool:
     joints = diagnosis.details.get("joints", {}).values()
-    return any(details.get("stopped") for details in (diagnosis.details, *joints))
+    return any(details.get(detail) for details in (diagnosis.details, *joints))
 
 
 def places(diagnosis: Diagnosis) -> list[str]:

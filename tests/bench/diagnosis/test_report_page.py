@@ -473,6 +473,13 @@ def test_a_search_that_was_not_done_is_told_on_top(details, late):
     assert any("The time was used up" in told for told in cautions(diagnosis)) is late
 
 
+@pytest.mark.parametrize("leash", [0.0, 5.0])
+def test_misfits_on_a_leash_are_told_to_be_that(leash):
+    for details in ({"leash_rad_s": leash}, {"joints": {"elbow": {"leash_rad_s": leash}}}):
+        told = cautions(replace(FOUND, details=details))
+        assert any("swings by itself" in one for one in told) is (leash > 0.0)
+
+
 @pytest.mark.parametrize("verdict", ["unexplained", "partly_explained"])
 @pytest.mark.parametrize(("share", "repeats"), [(0.3, True), (0.0, False), (-0.5, False)])
 def test_what_no_recording_foretells_of_another_is_not_said_to_repeat(verdict, share, repeats):

@@ -10,8 +10,8 @@ from bench.diagnosis.rivals import CLOSE
 from bench.diagnosis.robot_causes import ENGINES_SHARE, cause_of, close_rivals
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_fit import RobotFit
+from bench.diagnosis.robot_gains import RobotGain, levelled
 from bench.diagnosis.robot_next import HEAVIER, menu
-from bench.diagnosis.robot_search import RobotGain, levelled
 
 OWN = "foot_compliance@all"
 NEAR, FAR, SAME = "joint_compliance@all", "backlash@tibia", "foot_compliance@leg1"

@@ -10,6 +10,7 @@ import pytest
 from bench.diagnosis.nuisances import SHARE
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_fit import RobotFit
+from bench.diagnosis.robot_gains import RobotGain
 from bench.diagnosis.robot_nuisances import SAME, RobotNuisance, nuisances
 from bench.diagnosis.robot_screen import (
     A_KIND,
@@ -29,7 +30,6 @@ from bench.diagnosis.robot_search import (
     SPRINGS,
     WORSE,
     WORTH,
-    RobotGain,
     RobotSearch,
 )
 from busemu.tables import load_robot

@@ -1,0 +1,61 @@
+"""What effects at places gain, and what came of a search for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .robot_fit import RobotFit
+from .robot_screen import Screened
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotGain:
+    """What an effect at a place gains over a hypothesis without it."""
+
+    name: str
+    fit: RobotFit
+    nats: float
+    inflation: float
+    held_out: float | None  #: [nats]; ``None`` where all recordings are of one group
+
+    @property
+    def deflated(self) -> float:
+        """The gain that counts [nats]."""
+        return self.nats / self.inflation
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotFindings:
+    """What came of a search. ``taken``: in order; ``tried``: all that were fitted, by step.
+
+    ``alike``: for each effect taken, those this data cannot tell from it, with the cosine of their
+    traces (1 where only their gains are close). ``screened`` is the first screening, with what
+    could be seen at all. RMS [rad] of the joint rows, by exact replays: with nuisances, at the end.
+    """
+
+    base: RobotFit
+    fit: RobotFit
+    taken: tuple[RobotGain, ...]
+    tried: tuple[tuple[RobotGain, ...], ...]
+    alike: Mapping[str, tuple[tuple[str, float], ...]]
+    screened: tuple[Screened, ...]
+    rms_before_rad: float
+    rms_after_rad: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects taken, sorted."""
+        return tuple(sorted(gain.name for gain in self.taken))
+
+
+def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:
+    """Gains of one step divided by one inflation, the mean of those that gain; best first.
+
+    What is compared is how far each follows the same recordings.
+    """
+    useful = [g.inflation for g in gains if g.nats > 0.0]
+    common = float(np.exp(np.mean(np.log(useful)))) if useful else 1.0
+    return sorted((replace(g, inflation=common) for g in gains), key=lambda g: -g.deflated)
