@@ -12,7 +12,7 @@ from sim.effects import Effect, catalogue
 from .beginning import EARLY_S
 from .confidence import NORMAL
 from .fit import EDGE, Fit
-from .intervals import ENGINES_SHARE, Spread
+from .intervals import Spread
 from .knobs import VISCOUS
 from .model import JointModel
 from .nuisances import LATE_S
@@ -24,6 +24,7 @@ from .valleys import elsewhere
 PLAINER = {"stribeck_friction": "coulomb_friction"}  #: effects that hold a plainer one
 SPLIT = {"directional_load_friction": "load_friction"}  #: the same, where two numbers are one
 AGREES = "its two numbers differ by no more than chance, which is "
+SAME_SHARE = 0.05  #: of each of two such numbers, by which engines may differ about it
 WAVES = "periods"  #: number of an effect that is a wave, which ends where nothing is one any more
 LIMITS = "torque_limit"  #: an effect that is a limit of what the duty's register shows
 PACE = "velocity_limit"  #: an effect that is a limit of how fast a goal moves
@@ -137,5 +138,5 @@ def _agree(model: JointModel, found: Fit, effect: str) -> bool:
     away[len(model.nuisances) + one] = found.hypothesis.knobs[one].unit
     away[len(model.nuisances) + other] = -found.hypothesis.knobs[other].unit
     variance = max(float(away @ account @ away) for account in Spread(model, found).accounts)
-    variance += float(np.sum((ENGINES_SHARE * away * found.z) ** 2))
+    variance += float(np.sum((SAME_SHARE * away * found.z) ** 2))
     return abs(float(away @ found.z)) < NORMAL * float(np.sqrt(variance))
