@@ -35,7 +35,7 @@ from .result import Cause, Diagnosis, FitSummary, verdict_of
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
 from .search import Progress, beside_others
-from .settling import explained
+from .settling import explained, rms_of
 from .views import Views, unlike
 from .watch import Watch
 
@@ -152,8 +152,8 @@ def diagnose_joint(
         mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
         causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
         fit=FitSummary(
-            before=_rms(judge, before),
-            after=_rms(judge, after),
+            before=rms_of(judge, before),
+            after=rms_of(judge, after),
             noise_floor=floor,
             held_out=bool(judged),
             recordings=tuple(o.name for o in (judged or observed)),
@@ -206,18 +206,13 @@ def diagnose_joint(
     return JointFindings(diagnosis, model, before, after, judge)
 
 
-def _rms(judge: JointModel, found: Fit) -> float:
-    """What a fit leaves of the recordings that judge it, as they are [rad]."""
-    return block_rms(judge.residuals(found.hypothesis, [found.z])[0], Kind.POSITION)
-
-
 def _hunting(judge: JointModel, before: Fit, after: Fit) -> tuple[str, ...]:
     """What is to be said of a joint whose replays were on a leash."""
     if not judge.leash_rad_s:
         return ()
     free = judge.led(0.0)
     joint = judge.observed[0].joint
-    return (HUNTS.format(joint, judge.leash_rad_s, _rms(free, before), _rms(free, after)),)
+    return (HUNTS.format(joint, judge.leash_rad_s, rms_of(free, before), rms_of(free, after)),)
 
 
 def told_once(

@@ -35,7 +35,9 @@ WORSE = 1.2  #: times the mean square on recordings left out that takes a name b
 IDLE = 0.05  #: share of the same by which a name that is not needed there may make them worse
 SPOILT = 0.1  #: of the mean square that a name takes off the others, which must be spoilt there
 SURE = 0.99  #: that an effect is there at all: what it gains, by the widest account of its size
-LITTLE = 0.25  #: share of a misfit that a name must explain, where much of it is left
+#: share of a misfit that a name must explain, where much of it is left; and that all names must
+#: take together off the squared misfit of the recordings that judge, as it is
+LITTLE, OUTSIDE = 0.25, 0.05
 HARMFUL = "it makes recordings that were not used to fit worse"
 NEEDLESS = "recordings that were not used to fit are within noise without it, and worse with it"
 BETTER = "it explains far less than a cause that cannot be named"
@@ -354,7 +356,15 @@ def _little(
     for part in parts:
         if explained(everywhere, before, part.without, after, floor) < LITTLE:
             return Denied(part.gain, BESIDE, again=False)
+    if rms_of(judge, after) ** 2 > (1.0 - OUTSIDE) * rms_of(judge, before) ** 2:
+        least = min(parts, key=lambda part: part.own.deflated)
+        return Denied(least.gain, BESIDE, again=False)
     return None
+
+
+def rms_of(judge: JointModel, found: Fit) -> float:
+    """What a fit leaves of the positions of recordings, as they are [rad]."""
+    return block_rms(judge.residuals(found.hypothesis, [found.z])[0], Kind.POSITION)
 
 
 def explained(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pendulum_logs import POSITION, logs, model_of, robot
 
-from bench.diagnosis import intervals, valleys
+from bench.diagnosis import intervals, settling, valleys
 from bench.diagnosis.confidence import NORMAL
 from bench.diagnosis.fit import Fit, fit
 from bench.diagnosis.intervals import FALL, REACH, Spread, _inverse, estimates, interval
@@ -441,3 +441,20 @@ def test_a_name_that_explains_little_is_taken_back_only_where_much_is_left():
     assert denied.because == BESIDE
     assert _little(model, model, before, after, parts, 1.0) is None
     assert _little(model, model, before, after, [], floor) is None
+
+
+@pytest.mark.parametrize(("name", "denied"), [("load_friction", False), ("transport_delay", True)])
+def test_names_that_take_nothing_off_what_judges_are_taken_back_where_much_is_left(
+    name, denied, monkeypatch
+):
+    """However much either explains beside the other where they were fitted."""
+    planted = {"dead_zone": {"margin_rad": 0.05}, "load_friction": {"ratio": 0.5}}
+    model = model_of(logs(planted))
+    before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    knobs = effect_knobs(effect(name))
+    after = fit(model, Hypothesis(knobs), np.append(before.z, 0.0 if denied else 5.0))
+    parts = _parts(model, after, [gain_of(name, after)], print)
+    monkeypatch.setattr(settling, "explained", lambda *_: 1.0)
+    floor = model.observed[0].position.quantum / np.sqrt(12.0)
+    found = _little(model, model, before, after, parts, floor)
+    assert (found is not None and found.because == BESIDE) is denied
