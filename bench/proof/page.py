@@ -18,7 +18,8 @@ from .stages import STAGES
 
 #: what the figures show
 CAPTIONS = {
-    "power": "Share of single effects named right against their size; bars are 95 % intervals.",
+    "power": "Share of single effects named right against their size, and against what tolerances "
+    "leave of it; bars are 95 % intervals.",
     "confusion": "What is hidden (rows) and what is named first (columns); numbers of cases.",
     "calibration": "Stated probabilities against the share that is right; numbers of causes.",
     "coverage": "Errors of the main parameter, and intervals that hold the truth.",

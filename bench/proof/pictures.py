@@ -27,14 +27,18 @@ WORST = 6  #: failures that are shown
 EDGES = (0.0, *(math.sqrt(a * b) for a, b in pairwise(RATIOS)), math.inf)
 
 
+Size = Callable[[Judged], float]
+
+
 def size_of(ratio: float) -> float:
     """The size of the grid that a ratio belongs to."""
     return RATIOS[int(np.searchsorted(EDGES, ratio)) - 1]
 
 
 def _curve(axes: Axes, cases: Sequence[Judged], right: Callable[[Judged], bool], colour: str,
-           label: str = "") -> None:  # fmt: skip
-    by_size = {s: [right(c) for c in cases if size_of(c.ratio) == s] for s in RATIOS}
+           label: str = "", size: Size = lambda c: c.ratio) -> None:  # fmt: skip
+    sizes = [(size_of(size(c)), right(c)) for c in cases if not math.isnan(size(c))]
+    by_size = {s: [hit for at, hit in sizes if at == s] for s in RATIOS}
     told = [(s, hits) for s, hits in by_size.items() if hits]
     if not told:
         return
@@ -54,22 +58,31 @@ def _sizes(axes: Axes) -> None:
 
 @styled
 def power(cases: Sequence[Judged]) -> Figure:
-    """Share of single effects that are named right, against size; all, then each effect."""
+    """Share of single effects that are named right, against size; all, then each effect.
+
+    Size is over the floor of noise, with all else known; and what tolerances leave of that.
+    """
     singles = [c for c in cases if c.kind == "single"]
     names = sorted({c.hidden[0] for c in singles})
     rows = math.ceil(len(names) / COLUMNS)
     figure = Figure(figsize=(9.0, 3.2 + 1.5 * rows), layout="constrained")
     grid = figure.add_gridspec(1 + rows, COLUMNS, height_ratios=[2.2, *[1.0] * rows])
-    top = figure.add_subplot(grid[0, :])
-    _curve(top, singles, lambda c: c.first_right, MEASURED, "first name, by class")
-    _curve(top, singles, lambda c: c.second_right, GOAL, "or second")
-    _curve(top, singles, lambda c: c.first_exact, MODELLED, "first name, by name")
-    _curve(top, singles, lambda c: bool(c.wrong), STOP, "names something wrong")
-    _sizes(top)
-    top.set_title("All single effects")
-    top.set_xlabel("size / detection floor")
+    half = COLUMNS // 2
+    asked, left = (figure.add_subplot(grid[0, part]) for part in (slice(half), slice(half, None)))
+    sizes: tuple[tuple[Axes, Size, str], ...] = (
+        (asked, lambda c: c.ratio, "size / detection floor"),
+        (left, lambda c: c.left, "what tolerances leave of it / detection floor"),
+    )
+    for axes, size, words in sizes:
+        _curve(axes, singles, lambda c: c.first_right, MEASURED, "first name, by class", size)
+        _curve(axes, singles, lambda c: c.second_right, GOAL, "or second", size)
+        _curve(axes, singles, lambda c: c.first_exact, MODELLED, "first name, by name", size)
+        _curve(axes, singles, lambda c: bool(c.wrong), STOP, "names something wrong", size)
+        _sizes(axes)
+        axes.set_xlabel(words)
+    asked.set_title("All single effects")
     if singles:
-        top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
+        left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     for i, name in enumerate(names):
         axes = figure.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
         own = [c for c in singles if c.hidden == (name,)]

@@ -160,3 +160,14 @@ def test_a_quick_proof_runs_from_its_seed_to_its_score(tmp_path):
     assert score["named_at_3_floor"]["value"] == 1.0  # a delay of eight times the floor
     assert prove(*told).returncode == 0
     assert json.loads((tmp_path / "out" / "score.json").read_text()) == score
+
+
+def test_power_is_drawn_against_the_size_and_against_what_tolerances_leave_of_it():
+    cases = [
+        judged(key("single", effect("dead_zone", 5.0, left)), diagnosis(*named))
+        for left, named in ((0.5, []), (5.0, [cause("dead_zone")]), (None, []))
+    ]
+    asked, left, *_ = pictures.power(cases).axes
+    for axes, told in ((asked, {5.0: 1 / 3}), (left, {0.5: 0.0, 5.0: 1.0})):
+        first = axes.containers[0].lines[0]
+        assert dict(zip(*first.get_data(), strict=True)) == pytest.approx(told)
