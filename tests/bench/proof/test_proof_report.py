@@ -164,8 +164,14 @@ def test_a_quick_proof_runs_from_its_seed_to_its_score(tmp_path):
 
 def test_power_is_drawn_against_the_size_and_against_what_tolerances_leave_of_it():
     cases = [
-        judged(key("single", effect("dead_zone", 5.0, left)), diagnosis(*named))
-        for left, named in ((0.5, []), (5.0, [cause("dead_zone")]), (None, []))
+        judged(
+            key("single", effect("dead_zone", 5.0, left, margin_rad=(0.01, 0.0))), diagnosis(*named)
+        )
+        for left, named in (
+            (0.5, []),
+            (5.0, [cause("dead_zone", margin_rad=(0.01, 0.009, 0.011))]),
+            (None, []),
+        )
     ]
     asked, left, *_ = pictures.power(cases).axes
     for axes, told in ((asked, {5.0: 1 / 3}), (left, {0.5: 0.0, 5.0: 1.0})):
