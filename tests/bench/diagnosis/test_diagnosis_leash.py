@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, logs, model_of, robot
 
-from bench.diagnosis.fit import block_rms
+from bench.diagnosis.fit import block_rms, fit
 from bench.diagnosis.joint import diagnose_joint
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.leash import LEASH_RAD_S, path
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.observed import observe
+from bench.diagnosis.views import Views
+from bench.diagnosis.watch import Watch
 from sim.effects import effect
 from sim.model import read_model
 from sim.stepped import TICK_S
@@ -71,6 +73,23 @@ def test_a_leash_goes_along_to_other_recordings_and_can_be_let_go():
     assert model.of(model.observed).leash_rad_s == LEASH_RAD_S
     assert model.led(0.0).leash_rad_s == 0.0
     assert model.key != model.led(0.0).key
+
+
+@pytest.mark.parametrize(
+    ("recordings", "hunts"),
+    [(hunting, True), (lambda: logs({"gain_error": {"scale": 0.7}}), False)],
+)
+def test_a_joint_hunts_if_a_cause_follows_it_on_a_leash_and_loses_its_way_without(
+    recordings, hunts
+):
+    """Not one whose cause follows it without a leash as well."""
+    names = ("backlash", "gain_error")
+    model = model_of(recordings())
+    led = model.led(LEASH_RAD_S)
+    before = fit(led, Hypothesis(), np.zeros(len(led.nuisances)), rounds=2)
+    effects = {name: effect(name) for name in names}
+    views = Views(read_model(robot()), robot(), effects, None, None, Watch(print))
+    assert views._hunts(model, led, before) is hunts
 
 
 @pytest.mark.slow
