@@ -28,7 +28,7 @@ from .search import (
     drop,
     inside,
 )
-from .veto import AGREES, BEHIND, objection
+from .veto import AGREES, BEHIND, SPLIT, as_plainer, objection
 from .watch import Watch
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
@@ -184,7 +184,12 @@ class _Settling:
             rejected.append({"effect": name, "gain_nats": nats, "because": denied.because})
             refuted |= {name} if denied.refuted else set()
             effects = _without(effects, rejected)
-            if len(rejected) == 1 and denied.again and self.watch.stopped is None:
+            plainer = SPLIT[name] if denied.because.startswith(AGREES) else name
+            if plainer in effects and plainer not in after.hypothesis.effects:
+                after, gain = as_plainer(self.model, after, name, effects[plainer])
+                taken = [gain if one.effect == name else one for one in taken]
+                confirmed = [*confirmed, gain]
+            elif len(rejected) == 1 and denied.again and self.watch.stopped is None:
                 after, taken, confirmed = self.grown(self.before, effects)
             else:
                 after, *_ = drop(self.model, after, name)

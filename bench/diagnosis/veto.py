@@ -11,9 +11,9 @@ from sim.effects import Effect, catalogue
 
 from .beginning import EARLY_S
 from .confidence import NORMAL
-from .fit import EDGE, Fit
+from .fit import EDGE, Fit, fit
 from .intervals import Spread
-from .knobs import VISCOUS
+from .knobs import VISCOUS, effect_knobs
 from .model import JointModel
 from .nuisances import LATE_S
 from .observed import Channel, Observed
@@ -140,3 +140,18 @@ def _agree(model: JointModel, found: Fit, effect: str) -> bool:
     variance = max(float(away @ account @ away) for account in Spread(model, found).accounts)
     variance += float(np.sum((SAME_SHARE * away * found.z) ** 2))
     return abs(float(away @ found.z)) < NORMAL * float(np.sqrt(variance))
+
+
+def as_plainer(model: JointModel, found: Fit, name: str, plainer: Effect) -> tuple[Fit, Gain]:
+    """A fit with a plainer effect in the place of one whose numbers agree, and what that gains.
+
+    It begins where those numbers are: a search for it anew may end in a hollow before that.
+    """
+    count, knobs = len(model.nuisances), found.hypothesis.knobs
+    own = np.array([knob.effect == name for knob in knobs])
+    sizes = [knob.value(z) for knob, z in zip(knobs, found.z[count:].tolist(), strict=True)]
+    hypothesis = found.hypothesis.without(name) + effect_knobs(plainer)
+    size = hypothesis.knobs[-1].at(float(np.mean(np.array(sizes)[own])))
+    start = np.concatenate([found.z[:count], found.z[count:][~own], [size]])
+    after = fit(model, hypothesis, start, found.noise)
+    return after, drop(model, after, plainer.name)[1]

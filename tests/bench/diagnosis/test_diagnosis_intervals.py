@@ -15,7 +15,7 @@ from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
 from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.nuisances import LATE_S
 from bench.diagnosis.observed import Channel
-from bench.diagnosis.search import HELD_OUT, Gain, Outside
+from bench.diagnosis.search import HELD_OUT, NEEDED, Gain, Outside
 from bench.diagnosis.settling import (
     ALONE,
     BESIDE,
@@ -31,7 +31,7 @@ from bench.diagnosis.settling import (
     explained,
 )
 from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, elsewhere, explore, strayed
-from bench.diagnosis.veto import largest_step, objection
+from bench.diagnosis.veto import as_plainer, largest_step, objection
 from sim.effects import effect
 from sim.model import read_model
 from sim.stepped import TICK_S
@@ -346,6 +346,16 @@ def test_what_is_no_more_than_a_plainer_effect_is_not_named_for_it(planted, trut
     for effects in (EVERY, fewer):
         why = objection(model, found, gain_of(name, found), effects)
         assert (why is not None) is speaks
+
+
+def test_an_effect_whose_numbers_agree_goes_on_as_the_plainer_one_from_there():
+    name, plain = "directional_load_friction", "load_friction"
+    model, found = fitted(name, {"driving": 0.3, "backdriving": 0.3}, [1.0, 1.0])
+    after, gain = as_plainer(model, found, name, effect(plain))
+    assert (after.hypothesis.effects, gain.effect) == ((plain,), plain)
+    assert after.hypothesis.knobs[-1].value(after.z[-1]) == pytest.approx(0.3, rel=0.05)
+    assert after.cost < found.cost + 5.0
+    assert gain.deflated > NEEDED
 
 
 def test_numbers_that_agree_are_no_reason_against_a_name_as_a_rival():
