@@ -33,7 +33,8 @@ DEGREE = 3  #: of the polynomials between samples
 def path(observed: Observed) -> Floats:
     """Angle [rad] and speed [rad/s] that a servo showed, at every tick of a drive (ticks, 2)."""
     samples = observed.position
-    shown = make_interp_spline(samples.t_s[samples.good], good(observed), k=DEGREE)
+    t_s, first = np.unique(samples.t_s[samples.good], return_index=True)
+    shown = make_interp_spline(t_s, good(observed)[first], k=min(DEGREE, len(t_s) - 1))
     ticks = np.arange(int(np.ceil(observed.replay.end_s / TICK_S)) + 1) * TICK_S
-    ticks = np.clip(ticks, *shown.t[[0, -1]])
+    ticks = np.clip(ticks, t_s[0], t_s[-1])
     return np.stack([shown(ticks), shown(ticks, 1)], axis=1)

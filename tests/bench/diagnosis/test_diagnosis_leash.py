@@ -1,5 +1,7 @@
 """Joints that hunt: replays on a leash, and what is named by them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, logs, model_of, robot
@@ -9,7 +11,7 @@ from bench.diagnosis.joint import diagnose_joint
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.leash import LEASH_RAD_S, path
 from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.observed import observe
+from bench.diagnosis.observed import Channel, observe
 from bench.diagnosis.views import Views
 from bench.diagnosis.watch import Watch
 from sim.effects import effect
@@ -48,6 +50,20 @@ def test_a_path_is_what_was_recorded_at_every_tick_and_how_fast_it_went():
     assert way[:, 0] == pytest.approx(shown, abs=0.01)
     speed = np.gradient(way[:, 0], TICK_S)
     assert way[1:-1, 1] == pytest.approx(speed[1:-1], abs=0.02 * np.abs(speed).max())
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_few_samples_and_two_of_one_instant_have_a_path_as_well(count):
+    (one,) = observe(logs(motions=("fast",)), robot(), JOINT)
+    good = np.flatnonzero(one.position.good)[: count + 1]
+    t_s = one.position.t_s[good]
+    t_s[-1] = t_s[-2]
+    few = replace(
+        one.position, t_s=t_s, value=one.position.value[good], good=np.ones(len(good), bool)
+    )
+    way = path(replace(one, channels=dict(one.channels) | {Channel.POSITION: few}))
+    assert np.isfinite(way).all()
+    assert way[0, 0] == pytest.approx(few.value[0])
 
 
 def test_a_leash_pulls_at_nothing_where_nothing_is_missing():
