@@ -25,6 +25,7 @@ from .search import NEEDED, Progress, inflation
 
 APART = 3.0  #: joint deviations between two values of one resistance that contradict each other
 TIMES = 2.0  #: and their ratio
+AT_FIRST = 0.3  #: of its typical size, where the fit of a resistance to the register begins
 
 
 def supply_contradiction(
@@ -41,7 +42,9 @@ def supply_contradiction(
     tempted = fit(motion, found.hypothesis + knobs, np.append(plain.z, 1.0), plain.noise)
     wanted, wanted_error = _resistance(motion, tempted)
     gain = (plain.cost - tempted.cost) / inflation(motion, tempted, [len(tempted.z) - 1])
-    read = fit(model, found.hypothesis + knobs, np.append(found.z, 0.3), found.noise)
+    begun = (np.append(found.z, size) for size in (AT_FIRST, knobs[0].at(wanted)))
+    both = [fit(model, found.hypothesis + knobs, start, found.noise) for start in begun]
+    read = min(both, key=lambda one: one.cost)  # begun at little, a fit may stop there
     told, told_error = _resistance(model, read)
     apart = abs(wanted - told) / float(np.hypot(wanted_error, told_error))
     if gain < NEEDED or apart < APART or wanted < TIMES * told:
