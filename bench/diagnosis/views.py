@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from busemu.tables import Robot
 from sim.effects import Effect
@@ -25,7 +26,7 @@ from .watch import Watch
 UNLIKE = 2.0  #: times what is left where it was fitted, of recordings that no other is like
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class View:
     """A joint with one gear or another, and what is found with it."""
 
@@ -37,7 +38,7 @@ class View:
     floors: Mapping[Kind, float]
     settled: Settled
 
-    @property
+    @cached_property
     def structured(self) -> bool:
         """Whether something is left that is more than noise and what engines differ by."""
         return rest_of(self.model, self.judge, self.settled.after, self.floor).structured
