@@ -7,7 +7,7 @@ replayed recording means by a register what the emulated bus means by it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from busemu.servo import Servo
 from busemu.tables import ControlTable, ServoMount
 from sim.drive import kernel, lanes
 from sim.drive.bank import command_column
+from sim.rollout import Replay
 
 Floats = NDArray[np.float64]
 
@@ -139,3 +140,8 @@ def supply_events(t_s: Floats, volts: Floats) -> Floats:
     """A recorded voltage as what the supply does: rows as :func:`drive_commands` gives them."""
     field_number = float(lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE)
     return np.stack([t_s, np.full_like(t_s, field_number), volts], axis=1)
+
+
+def without_supply(replay: Replay) -> Replay:
+    """A replay without what was told of its supply, which is the candidate's then."""
+    return replace(replay, events=replay.events[replay.events[:, 1] < lanes.SUPPLY_EVENT])

@@ -1,4 +1,4 @@
-"""A name that fits the motion and contradicts another register.
+"""A source resistance that fits the motion and that the voltage register denies.
 
 A supply that sags loses torque where much is asked for, and so do a bridge's limit and a warm
 winding. From positions alone the sag may well explain most. Where the voltage register was read,
@@ -8,18 +8,18 @@ it knows better: what resistance the motion asks for is compared with what the r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from sim.drive import lanes
 from sim.effects import effect
 
+from .commands import without_supply
 from .fit import Fit, fit
 from .intervals import covariances
 from .knobs import effect_knobs
-from .model import JointModel, Kind
+from .model import SOURCE, JointModel, Kind
 from .observed import Channel, Observed, Samples
 from .search import NEEDED, Progress, inflation
 
@@ -28,52 +28,93 @@ TIMES = 2.0  #: and their ratio
 AT_FIRST = 0.3  #: of its typical size, where the fit of a resistance to the register begins
 
 
+@dataclass(frozen=True, slots=True)
+class Resistance:
+    """What the motion alone would make of a source, and what the register shows: each +- [ohm]."""
+
+    motion: tuple[float, float]
+    register: tuple[float, float]
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the register denies what the motion wants."""
+        (wanted, one), (told, other) = self.motion, self.register
+        return abs(wanted - told) >= APART * float(np.hypot(one, other)) and wanted >= TIMES * told
+
+    def __str__(self) -> str:
+        return (
+            f"the motion alone would want a source resistance of {self.motion[0]:.2f} ohm; "
+            f"the voltage register, read at the same time, shows {self.register[0]:.2f} ohm"
+        )
+
+
+def named_source(model: JointModel, found: Fit) -> Resistance | None:
+    """What motion and register make of a source that a fit has; none where no register rules."""
+    if not all(model.recorded_supply):
+        return None
+    motion = model.of([_without_voltage(o) for o in model.observed])
+    moved = fit(motion, found.hypothesis, found.z, {Kind.POSITION: found.noise[Kind.POSITION]})
+    return Resistance(_resistance(motion, moved), _by_register(model, found))
+
+
 def supply_contradiction(
     model: JointModel, found: Fit, say: Progress
 ) -> tuple[Mapping[str, Any], ...]:
-    """Whether the motion asks for a source resistance that the voltage register denies."""
-    if not all(model.recorded_supply) or "voltage_sag" in found.hypothesis.effects:
+    """Whether the motion asks for a source resistance that the voltage register denies.
+
+    That is said of a source that is not named. One that is, is asked :func:`named_source`.
+    """
+    if not all(model.recorded_supply) or SOURCE in found.hypothesis.effects:
         return ()
     say("what the motion would make of the supply, and what the voltage register says")
-    knobs = effect_knobs(effect("voltage_sag"))
-    deaf = [_without_voltage(o) for o in model.observed]
-    motion = model.of(deaf)
+    knobs = effect_knobs(effect(SOURCE))
+    motion = model.of([_without_voltage(o) for o in model.observed])
     plain = fit(motion, found.hypothesis, found.z, {Kind.POSITION: found.noise[Kind.POSITION]})
     tempted = fit(motion, found.hypothesis + knobs, np.append(plain.z, 1.0), plain.noise)
-    wanted, wanted_error = _resistance(motion, tempted)
     gain = (plain.cost - tempted.cost) / inflation(motion, tempted, [len(tempted.z) - 1])
-    begun = (np.append(found.z, size) for size in (AT_FIRST, knobs[0].at(wanted)))
-    both = [fit(model, found.hypothesis + knobs, start, found.noise) for start in begun]
-    read = min(both, key=lambda one: one.cost)  # begun at little, a fit may stop there
-    told, told_error = _resistance(model, read)
-    apart = abs(wanted - told) / float(np.hypot(wanted_error, told_error))
-    if gain < NEEDED or apart < APART or wanted < TIMES * told:
+    wanted = _resistance(motion, tempted)
+    z = np.append(found.z, knobs[0].at(wanted[0]))
+    both = Resistance(
+        wanted, _by_register(model, replace(found, hypothesis=tempted.hypothesis, z=z))
+    )
+    if gain < NEEDED or not both.contradicts:
         return ()
     return (
         {
-            "effect": "voltage_sag",
+            "effect": SOURCE,
             "gain_nats": float(gain),
-            "because": (
-                f"the motion alone would want a source resistance of {wanted:.2f} ohm; "
-                f"the voltage register, read at the same time, shows {told:.2f} ohm"
-            ),
-            "from_motion_ohm": [wanted, wanted_error],
-            "from_register_ohm": [told, told_error],
+            "because": str(both),
+            "from_motion_ohm": list(both.motion),
+            "from_register_ohm": list(both.register),
         },
     )
 
 
 def _without_voltage(one: Observed) -> Observed:
     """A recording as if the voltage register had not been read."""
-    events = one.replay.events
-    replay = replace(one.replay, events=events[events[:, 1] < lanes.SUPPLY_EVENT])
     channels: dict[Channel, Samples] = dict(one.channels)
     del channels[Channel.VOLTAGE]
-    return replace(one, replay=replay, channels=channels, supplied=False)
+    return replace(one, replay=without_supply(one.replay), channels=channels, supplied=False)
+
+
+def _by_register(model: JointModel, found: Fit) -> tuple[float, float]:
+    """What the register shows of a source: motions are under the recorded voltage then."""
+    ruled, at = model.ruled(), _place(model, found)
+    least = found.z.copy()
+    least[at] = AT_FIRST
+    both = [fit(ruled, found.hypothesis, start, found.noise) for start in (least, found.z)]
+    return _resistance(ruled, min(both, key=lambda one: one.cost))  # begun at little, one may stop
+
+
+def _place(model: JointModel, found: Fit) -> int:
+    """Which number of a vector a source's resistance is."""
+    names = [knob.effect for knob in found.hypothesis.knobs]
+    return len(model.nuisances) + names.index(SOURCE)
 
 
 def _resistance(model: JointModel, found: Fit) -> tuple[float, float]:
-    """Source resistance of a fit whose last number it is, and its deviation [ohm]."""
+    """Source resistance of a fit that has one, and its deviation [ohm]."""
     _, sandwich = covariances(model, found)
-    knob = found.hypothesis.knobs[-1]
-    return knob.value(float(found.z[-1])), knob.unit * float(np.sqrt(sandwich[-1, -1]))
+    at = _place(model, found)
+    knob = found.hypothesis.knobs[at - len(model.nuisances)]
+    return knob.value(float(found.z[at])), knob.unit * float(np.sqrt(sandwich[at, at]))

@@ -146,7 +146,7 @@ def diagnose_joint(
     structured = unnamed or worse or stands_in or rest.structured
     verdict = verdict_of(bool(causes), structured)
     if verdict != "consistent" and not watch.late:
-        rejected += supply_contradiction(model, after, tell)
+        rejected = _latest([*rejected, *supply_contradiction(model, after, tell)])
     diagnosis = Diagnosis(
         verdict=verdict,
         mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
@@ -224,6 +224,11 @@ def told_once(
     """
     rivals = {rival.effect for cause in causes for rival in cause.indistinguishable_from}
     return [row for row in rejected if row["effect"] not in rivals]
+
+
+def _latest(rejected: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """One row for each name, the latest: it knows most."""
+    return list({row["effect"]: row for row in rejected}.values())
 
 
 def _mismatch(

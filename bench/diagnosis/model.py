@@ -3,7 +3,8 @@
 Residuals come in blocks, one a recording and kind, so that the path from a goal to a motion is
 judged in parts:
 
-* **position**: the whole path; where a voltage register was read often, under the recorded voltage;
+* **position**: the whole path; where a voltage register was read often, under the recorded voltage,
+  but of a hypothesis with a source of its own under that: a register shows what a voltage was;
 * **duty**: the duty or load register against the firmware's law along the *recorded* angles: the
   controller alone;
 * **voltage**: the voltage register against the supply of the hypothesis under the current it has.
@@ -15,6 +16,7 @@ import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,7 @@ from sim.one_joint import one_joint_load
 from sim.robot import PhysicalRobot
 from sim.rollout import Batch, Candidate, Load
 
+from .commands import without_supply
 from .instants import believed_refresh_s, located, looked_back
 from .journal import Journal, code, digest
 from .knobs import SOFTER, TWINS, Knob, with_effects
@@ -46,6 +49,7 @@ LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again fo
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
 TURNING = frozenset({"gain", "read_skew", PUNCH})
 GEARS = frozenset({"backlash", "joint_compliance"})  #: which are about a gear that is a spring
+SOURCE = "voltage_sag"  #: which makes the voltage of a replay itself
 
 
 class Kind(enum.Enum):
@@ -88,7 +92,8 @@ class JointModel:
 
     A vector ``z`` is the nuisances in the order of :attr:`nuisances`, then the hypothesis's knobs.
     ``sprung`` makes the gear the spring that the robot file has; else rotor and load are one mass,
-    but in hypotheses about the gear. ``leash_rad_s`` is that of :mod:`.leash`; 0 is none.
+    but in hypotheses about the gear. ``leash_rad_s`` is that of :mod:`.leash`; 0 is none. With
+    ``register_rules`` replays are under a recorded voltage even in hypotheses about the source.
     """
 
     def __init__(
@@ -101,8 +106,10 @@ class JointModel:
         *,
         sprung: bool = False,
         leash_rad_s: float = 0.0,
+        register_rules: bool = False,
     ) -> None:
         self.base, self.sprung, self.leash_rad_s = base, sprung, leash_rad_s
+        self.register_rules = register_rules
         self.journal = journal  #: of steps that are done, if they are kept
         self.observed = tuple(observed)
         joint = observed[0].joint
@@ -132,9 +139,10 @@ class JointModel:
         #: with registers at the instants they were made
         self._shown = [looked_back(one) for one, _ in volts]
         paths = [path(o) if leash_rad_s else None for o in self._shown]
-        self._batch = Batch(
-            [replace(o.replay, path=way) for o, way in zip(self._shown, paths, strict=True)]
-        )
+        self._replays = [
+            replace(o.replay, path=way) for o, way in zip(self._shown, paths, strict=True)
+        ]
+        self._batch = Batch(self._replays)
         self._sensed = [
             np.interp(o.replay.samples, o.position.t_s[o.position.good], good(o))
             for o in self._shown
@@ -161,6 +169,7 @@ class JointModel:
             self._load_refresh_s,
             self.sprung,
             self.leash_rad_s,
+            self.register_rules,
             [(n.name, n.deviation, n.ends) for n in self.nuisances],
             *(part for one in self.observed for part in one.parts()),
         )
@@ -172,15 +181,24 @@ class JointModel:
 
     def of(self, observed: Sequence[Observed], *, sprung: bool = False) -> JointModel:
         """The same joint in other recordings; ``sprung``: with the gear of its file at last."""
-        return self._like(observed, sprung or self.sprung, self.leash_rad_s)
-
-    def _like(self, observed: Sequence[Observed], sprung: bool, leash_rad_s: float) -> JointModel:
-        known = self.base, self.robot, observed, self.journal, self._load_refresh_s
-        return JointModel(*known, sprung=sprung, leash_rad_s=leash_rad_s)
+        return self._with(observed, sprung=sprung or self.sprung)
 
     def led(self, leash_rad_s: float) -> JointModel:
         """The same joint, its replays led along the recorded angles on a leash."""
-        return self._like(self.observed, self.sprung, leash_rad_s)
+        return self._with(self.observed, leash_rad_s=leash_rad_s)
+
+    def ruled(self) -> JointModel:
+        """The same joint, its replays under the recorded voltage in every hypothesis."""
+        return self._with(self.observed, register_rules=True)
+
+    def _with(self, observed: Sequence[Observed], **other: Any) -> JointModel:
+        known = self.base, self.robot, observed, self.journal, self._load_refresh_s
+        own = {
+            "sprung": self.sprung,
+            "leash_rad_s": self.leash_rad_s,
+            "register_rules": self.register_rules,
+        }
+        return JointModel(*known, **(own | other))
 
     def rigid(self, hypothesis: Hypothesis) -> bool:
         """Whether rotor and load are one mass."""
@@ -271,7 +289,7 @@ class JointModel:
     ) -> list[Blocks]:
         candidates = [c for z in vectors for c in self._candidates(hypothesis, z, which)]
         replays = which * len(vectors)
-        outs = self._run(candidates, replays)
+        outs = self._run(hypothesis, candidates, replays)
         duties: list[Floats] = []
         if Kind.DUTY in kinds:
             duties = self._batch.regulate(candidates, replays, [self._sensed[r] for r in replays])
@@ -309,7 +327,7 @@ class JointModel:
         believed = self._candidates(Hypothesis(), np.zeros(len(self.nuisances)), which)
         ways = [(sway, side) for sway in SWAYS for side in (1.0, -1.0)]
         swayed = [sway(candidate, side) for candidate in believed for sway, side in ways]
-        outs = self._run(swayed, np.repeat(which, len(ways)).tolist())
+        outs = self._run(Hypothesis(), swayed, np.repeat(which, len(ways)).tolist())
         found = []
         for r in which:
             these = slice(r * len(ways), (r + 1) * len(ways))
@@ -343,18 +361,28 @@ class JointModel:
         """The recording itself, if other joints moved in it: then gravity is its own."""
         return None if self.observed[r].posture_rad is None else r
 
-    def _run(self, candidates: Sequence[Candidate], replays: Sequence[int]) -> list[Floats]:
-        """Rollouts, under the recorded supply where there is one."""
+    def _run(
+        self, hypothesis: Hypothesis, candidates: Sequence[Candidate], replays: Sequence[int]
+    ) -> list[Floats]:
+        """Rollouts: under the source, if that is in question, else the recorded supply if any."""
         self.rollouts += len(candidates)
+        if SOURCE in hypothesis.effects and any(self.recorded_supply) and not self.register_rules:
+            return list(self._sourced.run(candidates, replays, self.leash_rad_s))
         stiff = [
             replace(c, source_ohm=0.0) if self.recorded_supply[r] and c.source_ohm else c
             for c, r in zip(candidates, replays, strict=True)
         ]
         return list(self._batch.run(stiff, replays, self.leash_rad_s))
 
+    @cached_property
+    def _sourced(self) -> Batch:
+        """Replays without what a register told of a supply that was recorded."""
+        told = zip(self._replays, self.recorded_supply, strict=True)
+        return Batch([without_supply(one) if recorded else one for one, recorded in told])
+
     def duty(self, hypothesis: Hypothesis, z: Floats, r: int) -> tuple[Floats, Floats]:
         """Times [s] and sizes of the duty that a vector makes of one recording."""
-        (out,) = self._run([self.candidate(hypothesis, z, r)], [r])
+        (out,) = self._run(hypothesis, [self.candidate(hypothesis, z, r)], [r])
         return self._shown[r].replay.samples, np.abs(out[:, lanes.OUT_DUTY])
 
     def law(self, found: Hypothesis, z: Floats, r: int, every_s: float) -> Floats:
@@ -367,20 +395,8 @@ class JointModel:
         return duty
 
     def between(self, r: int, t_s: Floats) -> Floats:
-        """How far a duty may be off, at some instants, as angles are known now and then only.
-
-        Between two reads a joint is taken to move evenly; it is an eighth of what its way is bent
-        by, from read to read, off that.
-        """
-        observed = self.observed[r]
-        angles = good(observed)
-        bent = np.abs(np.diff(angles, 2, prepend=angles[:1], append=angles[-1:])) / 8.0
-        around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
-        start = observed.replay.start
-        gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
-        times = observed.position.t_s[observed.position.good]
-        off: Floats = gain * np.interp(t_s, times, around)
-        return off
+        """How far a duty may be off, as angles are known now and then: :meth:`Left.between`."""
+        return self._left[r].between(t_s)
 
     def floors(self) -> Mapping[Kind, float]:
         """The least white deviation of every kind that was observed: its register's rounding."""

@@ -11,10 +11,11 @@ from sim.effects import Effect, catalogue
 
 from .beginning import EARLY_S
 from .confidence import NORMAL
+from .contradiction import named_source
 from .fit import EDGE, Fit, fit
 from .intervals import Spread
 from .knobs import VISCOUS, effect_knobs
-from .model import JointModel
+from .model import SOURCE, JointModel
 from .nuisances import LATE_S
 from .observed import Channel, Observed
 from .screening import screen
@@ -45,6 +46,9 @@ def objection(
         why = _shown_beyond(model, found)
     if why is None and gain.effect in (PACE, SWING):
         why = _never_reached(model, found, gain.effect)
+    if why is None and gain.effect == SOURCE:
+        source = named_source(model, found)
+        why = str(source) if source is not None and source.contradicts else None
     if why is not None:
         return why
     if gain.effect in SPLIT and _agree(model, found, gain.effect):
