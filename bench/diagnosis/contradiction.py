@@ -58,26 +58,36 @@ def named_source(model: JointModel, found: Fit) -> Resistance | None:
 
 
 def supply_contradiction(
-    model: JointModel, found: Fit, say: Progress
+    model: JointModel, before: Fit, after: Fit, say: Progress
 ) -> tuple[Mapping[str, Any], ...]:
     """Whether the motion asks for a source resistance that the voltage register denies.
 
-    That is said of a source that is not named. One that is, is asked :func:`named_source`.
+    That is said of a source that is not named, beside what is named, or else as the joint was
+    believed: a fit to the motion would have begun with it. One that is named is asked
+    :func:`named_source`.
     """
-    if not all(model.recorded_supply) or SOURCE in found.hypothesis.effects:
+    if not all(model.recorded_supply) or SOURCE in after.hypothesis.effects:
         return ()
     say("what the motion would make of the supply, and what the voltage register says")
-    knobs = effect_knobs(effect(SOURCE))
     motion = model.of([_without_voltage(o) for o in model.observed])
+    for found in dict.fromkeys((after, before)):
+        if denied := _denied(model, motion, found):
+            return denied
+    return ()
+
+
+def _denied(model: JointModel, motion: JointModel, found: Fit) -> tuple[Mapping[str, Any], ...]:
+    knobs = effect_knobs(effect(SOURCE))
     plain = fit(motion, found.hypothesis, found.z, {Kind.POSITION: found.noise[Kind.POSITION]})
     tempted = fit(motion, found.hypothesis + knobs, np.append(plain.z, 1.0), plain.noise)
     gain = (plain.cost - tempted.cost) / inflation(motion, tempted, [len(tempted.z) - 1])
     wanted = _resistance(motion, tempted)
+    if gain < NEEDED or wanted[0] < APART * wanted[1]:
+        return ()
     z = np.append(found.z, knobs[0].at(wanted[0]))
-    both = Resistance(
-        wanted, _by_register(model, replace(found, hypothesis=tempted.hypothesis, z=z))
-    )
-    if gain < NEEDED or not both.contradicts:
+    shown = _by_register(model, replace(found, hypothesis=tempted.hypothesis, z=z))
+    both = Resistance(wanted, shown)
+    if not both.contradicts:
         return ()
     return (
         {

@@ -146,7 +146,7 @@ def diagnose_joint(
     structured = unnamed or worse or stands_in or rest.structured
     verdict = verdict_of(bool(causes), structured)
     if verdict != "consistent" and not watch.late:
-        rejected = _latest([*rejected, *supply_contradiction(model, after, tell)])
+        rejected = _latest([*rejected, *supply_contradiction(model, before, after, tell)])
     diagnosis = Diagnosis(
         verdict=verdict,
         mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
