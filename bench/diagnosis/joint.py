@@ -30,8 +30,8 @@ from .observed import Observed
 from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
 from .renewed import load_refresh
-from .rest import Rest, is_worse, rest_of
-from .result import Cause, Diagnosis, FitSummary, verdict_of
+from .rest import Rest, is_worse, left_share, rest_of
+from .result import Cause, Diagnosis, FitSummary, beside_rest, verdict_of
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
 from .search import Progress, beside_others
@@ -117,15 +117,21 @@ def diagnose_joint(
         found.append((gain, without, probability, close))
     if len(taken) > 1:
         taken = beside_others(model, after, [(one[0], one[1]) for one in found], floors)
+    tell("looking at what is left")
+    rest = rest_of(model, judge, after, floor, seed)
+    calm = [block_rms(remaining(judge, found), Kind.POSITION) for found in (before, after)]
     causes = [
-        Cause(
-            effect=gain.effect,
-            scope=(observed[0].joint,),
-            parameters=estimates(model, after, gain.effect),
-            held_out_gain_nats=gain.outside,
-            explained_share=explained([judge], before, without, after, floor),
-            probability=probability,
-            indistinguishable_from=tuple(close),
+        beside_rest(
+            Cause(
+                effect=gain.effect,
+                scope=(observed[0].joint,),
+                parameters=estimates(model, after, gain.effect),
+                held_out_gain_nats=gain.outside,
+                explained_share=explained([judge], before, without, after, floor),
+                probability=probability,
+                indistinguishable_from=tuple(close),
+            ),
+            left_share(rest, calm[0], floor),
         )
         for gain, (_, without, probability, close) in zip(taken, found, strict=True)
     ]
@@ -137,10 +143,7 @@ def diagnose_joint(
     if pushed is not None and PLAY in effects:
         causes.append(play_cause(pushed, observed[0].joint, after.noise[Kind.POSITION].total))
     rejected = told_once(settled.rejected, causes)
-    tell("looking at what is left")
-    rest = rest_of(model, judge, after, floor, seed)
     unnamed = any(cause.effect not in seen for cause in in_data)
-    calm = [block_rms(remaining(judge, found), Kind.POSITION) for found in (before, after)]
     worse = bool(causes) and is_worse(calm[0], calm[1], floor)
     stands_in = not causes and strained(model, after)  # that something is left nobody may deny
     structured = unnamed or worse or stands_in or rest.structured

@@ -50,6 +50,16 @@ def _rest(judge: JointModel, found: Fit, floor: float, seed: int) -> Rest:
     return Rest(blocks, told, is_structured(told, rms, floor, engines_rad(judge)))
 
 
+def left_share(rest: Rest, before_rad: float, floor: float) -> float:
+    """Share of what can be explained that is foretold and has no name; 0 where it is noise.
+
+    ``before_rad`` is what was left before anything was named, ``floor`` the noise's deviation.
+    """
+    if not rest.structured:
+        return 0.0
+    return rest.remainder.predicted_rad**2 / max(before_rad**2 - floor**2, 1e-30)
+
+
 def is_worse(before_rad: float, after_rad: float, floor: float) -> bool:
     """Whether names leave more of the recordings that judge than none do, and more than noise."""
     return after_rad > max(before_rad, tolerance(floor))

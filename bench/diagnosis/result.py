@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from bench.files import finite
@@ -39,6 +39,9 @@ WRONG_VALUES = frozenset(
 )
 
 
+#: share of what can be explained that a cause is taken to have at least, beside a rest: one that
+#: shows in another register than positions explains none of theirs; assumed
+LEAST_PART = 0.1
 DEAD = "dead"  #: state of a parameter that recordings do not depend on: its value means nothing
 
 
@@ -78,6 +81,20 @@ class Cause:
     def kind(self) -> str:
         """``missing`` or ``wrong_value``."""
         return "wrong_value" if self.effect in WRONG_VALUES else "missing"
+
+
+def beside_rest(cause: Cause, left: float) -> Cause:
+    """A cause where a share ``left`` of what can be explained is foretold and has no name.
+
+    What makes the rest may be what made the other part as well, and then the cause is not. So it
+    is no likelier than its part of both; nor are its rivals, which leave as much.
+    """
+    own = max(cause.explained_share, LEAST_PART)
+    part = own / (own + max(left, 0.0))
+    rivals = (replace(r, probability=part * r.probability) for r in cause.indistinguishable_from)
+    return replace(
+        cause, probability=part * cause.probability, indistinguishable_from=tuple(rivals)
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from sim.model import Addition, read_model
 
 from .journal import Journal
 from .rest import is_worse
-from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, verdict_of
+from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
 from .robot_causes import cause_of, close_rivals
 from .robot_features import MEANS, RobotKind
 from .robot_fit import RobotFit
@@ -119,7 +119,7 @@ class Work:
         self.held.square(after, sorted({*self.which, *self.judges}))
         rest = rest_of(model, after, self.which, self.judges)
         self.tell("replaying the recordings that judge")
-        causes, nexts, extra = self._causes(found, taken, after)
+        causes, nexts, extra = self._causes(found, taken, after, rest)
         whole = after
         if play is not None:
             causes.append(play.cause)
@@ -222,7 +222,7 @@ class Work:
         return mismatch(model, {r: blocks[r, RobotKind.JOINTS].value for r in self.which})
 
     def _causes(
-        self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit
+        self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit, rest: Rest
     ) -> tuple[list[Cause], list[NextExperiment], list[Addition]]:
         """Named causes, what would tell them from their rivals, and what they add to the file."""
         causes, nexts = [], []
@@ -241,6 +241,8 @@ class Work:
             cause = cause_of(
                 self.search, found, gain, after, float(np.clip(explained, -1.0, 1.0)), held_out
             )
+            if rest.structured:
+                cause = beside_rest(cause, rest.predicted_rad**2 / max(before - floor, 1e-30))
             causes.append(cause)
             placed.append((self.model.placed[gain.name], cause.parameters))
             if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):

@@ -15,7 +15,7 @@ from bench.diagnosis.confidence import (
     stretches,
 )
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.result import verdict_of
+from bench.diagnosis.result import LEAST_PART, Cause, Rival, beside_rest, verdict_of
 from bench.diagnosis.rivals import NONE_FAINT, NONE_LEAST, chances
 from sim.effects import effect
 
@@ -116,3 +116,22 @@ def test_what_gains_nothing_is_as_likely_as_no_effect_at_all():
 )
 def test_a_verdict_says_what_is_named_and_whether_something_is_left(named, left, verdict):
     assert verdict_of(named, left) == verdict
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "part"),
+    [
+        (0.9, 0.0, 1.0),
+        (0.6, 0.2, 0.75),
+        (0.3, 0.7, 0.3),
+        (0.0, 0.3, LEAST_PART / (LEAST_PART + 0.3)),
+        (-0.5, 0.0, 1.0),
+    ],
+)
+def test_a_cause_beside_a_rest_is_no_likelier_than_its_part_of_both(explained, left, part):
+    rival = Rival("dead_zone", ("arm",), 0.1, 3.0)
+    cause = beside_rest(Cause("punch", ("arm",), {}, 50.0, explained, 0.8, (rival,)), left)
+    assert cause.probability == pytest.approx(0.8 * part)
+    (other,) = cause.indistinguishable_from
+    assert other.probability == pytest.approx(0.1 * part)
+    assert cause.explained_share == explained

@@ -186,6 +186,20 @@ def test_what_names_make_worse_is_not_explained(monkeypatch, worse, verdict):
     assert bool(found.diagnosis.unexplained) is worse
 
 
+def test_a_name_beside_a_rest_is_no_likelier_than_its_part_of_both(monkeypatch):
+    stiff = {"gain_error": {"scale": 1.4}}
+    told = observe(logs(stiff, motions=["fast", "steps"]), robot(), JOINT)
+    chances = {}
+    for share in (0.0, 0.5):
+        monkeypatch.setattr("bench.diagnosis.joint.left_share", lambda *_, share=share: share)
+        found = diagnose_joint(
+            read_model(robot()), robot(), told, effects={"gain_error": effect("gain_error")}
+        )
+        (cause,) = found.diagnosis.causes
+        chances[share] = cause.probability
+    assert chances[0.5] / chances[0.0] == pytest.approx(1.0 / 1.5, rel=0.05)
+
+
 def test_noise_is_no_structure_however_large(model):
     for size in (1.0, 10.0):
         rest = remainder(model, planted(model, lambda one, random, k=size: k * noise(one, random)))
