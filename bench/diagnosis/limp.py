@@ -2,7 +2,8 @@
 
 A shutdown is there or not: a threshold that is a little off trips in no recording, or in others, so
 that no slope leads to the right one. But the instant from which on a recording is unlike its model
-tells it: the duty has been at the threshold or above for the overload's time just before.
+tells it: the duty has been at the threshold or above for the overload's time just before. The duty's
+register tells it better, where it was read: it shows none from then on, though the law asks for it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sim.effects import effect
 from .knobs import Knob
 from .model import Hypothesis, JointModel, Kind
 from .noise import Block
+from .observed import Channel
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +30,8 @@ TIMES_S = (0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.0, 3.0)  #: of an overloa
 LATE_S = (0.0, 0.02, 0.05, 0.1, 0.2)  #: after the trip, at which a break may be seen
 LEAST = 5  #: samples of the duty in that time
 ALMOST_LEAST = 0.05  #: quantile of the duty in that time which was still too high
+GRID_S = 0.001  #: of a law along recorded angles: a tick
+ASKED = 5.0  #: steps of its register that a law must ask for where that shows none
 BELOW = 0.99  #: share of that quantile: a threshold just under what was held so long
 
 
@@ -46,19 +50,42 @@ def breaks_s(blocks: Mapping[int, Block]) -> dict[int, float]:
     return found
 
 
+def silences(
+    model: JointModel, hypothesis: Hypothesis, z: Floats
+) -> list[tuple[float, Floats, Floats]]:
+    """When duty registers fall silent [s], though the law asks for some, and what they showed.
+
+    Times [s] and sizes of the duty, shape (n,), are those of the register: neither motor nor load
+    need be right for that.
+    """
+    found = []
+    for r, one in enumerate(model.observed):
+        samples = one.channels.get(Channel.DUTY)
+        if samples is None:
+            continue
+        law = model.law(hypothesis, z, r, GRID_S)
+        asked = np.abs(law[np.minimum((samples.t_s / GRID_S).astype(np.intp), len(law) - 1)])
+        sizes = np.abs(samples.value)
+        silent = (sizes < 0.5 * samples.quantum) & (asked > ASKED * samples.quantum)
+        run = np.convolve(silent, np.ones(LASTING, np.int64), mode="valid")
+        lasting = np.flatnonzero(run == LASTING)
+        if len(lasting) and sizes[: lasting[0]].any():
+            at = samples.t_s[: lasting[0]][sizes[: lasting[0]] > 0.0][-1]
+            found.append((float(at), samples.t_s, sizes))
+    return found
+
+
 def overloads(
     model: JointModel, hypothesis: Hypothesis, z: Floats, knobs: Sequence[Knob]
 ) -> list[Floats]:
     """Values of the overload's knobs that would trip where recordings break with their model."""
     blocks = model.residuals(hypothesis, [z], kinds=(Kind.POSITION,))[0]
     breaks = breaks_s({r: block for (r, _), block in blocks.items()})
-    if not breaks:
-        return []
-    duties = {r: model.duty(hypothesis, z, r) for r in breaks}
+    duties = [(at, *model.duty(hypothesis, z, r)) for r, at in breaks.items()]
+    duties += silences(model, hypothesis, z)
     duty, time = (effect(LETS_GO).parameter(name) for name in ("duty", "time_s"))
     tried = set()
-    for r, at in breaks.items():
-        t_s, sizes = duties[r]
+    for at, t_s, sizes in duties:
         for time_s, late_s in product(TIMES_S, LATE_S):
             first, last = np.searchsorted(t_s, (at - late_s - time_s, at - late_s))
             if first == 0 or last - first < LEAST:

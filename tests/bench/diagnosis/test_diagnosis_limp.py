@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from pendulum_logs import POSITION, logs, model_of
+from pendulum_logs import DUTY, POSITION, logs, model_of
 
 from bench.diagnosis.fit import bounds, fit
 from bench.diagnosis.intervals import Spread
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.limp import LASTING, LETS_GO, breaks_s, overloads
+from bench.diagnosis.limp import LASTING, LETS_GO, breaks_s, overloads, silences
 from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.noise import Block
 from bench.diagnosis.screening import screen, vectors_to_try
@@ -55,6 +55,24 @@ def test_what_would_trip_where_recordings_break_is_near_the_truth(limp):
     values = np.array([[k.value(z) for k, z in zip(KNOBS, x, strict=True)] for x in tried])
     away = np.abs(values / list(TRUTH.values()) - 1.0).max(axis=1)
     assert away.min() < 0.2
+
+
+def test_a_duty_register_falls_silent_when_its_servo_lets_go_whatever_the_motion_is_off():
+    model = model_of(logs({LETS_GO: TRUTH}, registers=(POSITION, DUTY)))
+    z = np.zeros(len(model.nuisances))
+    z[[n.name for n in model.nuisances].index("payload")] = 2.0
+    found = silences(model, Hypothesis(), z)
+    assert found
+    for at_s, t_s, sizes in found:
+        before = (t_s > at_s - TRUTH["time_s"] + 0.02) & (t_s <= at_s)
+        assert (sizes[before] > 0.99 * TRUTH["duty"]).all()
+        assert not sizes[t_s > at_s].any()
+
+
+@pytest.mark.parametrize("how", [{}, {"limp_s": 1.0}])
+def test_a_duty_that_goes_on_or_that_was_switched_off_is_no_silence(how):
+    model = model_of(logs(registers=(POSITION, DUTY), **how))
+    assert silences(model, Hypothesis(), np.zeros(len(model.nuisances))) == []
 
 
 def test_nothing_is_tried_where_no_recording_breaks():
