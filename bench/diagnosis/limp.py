@@ -2,7 +2,7 @@
 
 A shutdown is there or not: a threshold that is a little off trips in no recording, or in others, so
 that no slope leads to the right one. But the instant from which on a recording is unlike its model
-tells it: the duty has been at the threshold or above for the overload's time just before. The duty's
+tells it: the duty has been at the threshold or above for the overload's time just before. A duty's
 register tells it better, where it was read: it shows none from then on, though the law asks for it.
 """
 

@@ -135,7 +135,9 @@ class Work:
         shown = [model.features[r] for r in self.judges]
         rmse = [steady_rmse_rad(shown, judged) for judged in (believed, better)]
         floor = floor_rad(model, self.judges)
-        verdict = verdict_of(bool(causes), rest.structured or is_worse(rmse[0], rmse[1], floor))
+        ends = () if causes else self.held.stands_in(after)
+        left = bool(ends) or rest.structured or is_worse(rmse[0], rmse[1], floor)
+        verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
             verdict=verdict,
@@ -148,9 +150,13 @@ class Work:
                 held_out=self.held_out,
                 recordings=tuple(model.observed[r].name for r in self.judges),
             ),
-            unexplained=(_unexplained(rest),) if rest.structured else (),
+            unexplained=(_unexplained(rest),) if rest.structured or ends else (),
             next_experiment=tuple(nexts),
-            limits=(*self._limits(after), *told(play is not None, shakes, shook, shaken)),
+            limits=(
+                *self._limits(after),
+                *_stand_in(ends),
+                *told(play is not None, shakes, shook, shaken),
+            ),
             channels=self._channels(found, after),
             rejected=tuple(rejected),
             ranking=_ranking(found),
@@ -348,6 +354,16 @@ class Work:
                 and np.isfinite(size := self.model.placed[s.name].knob.value(s.floor_z))
             },
         }
+
+
+def _stand_in(ends: Sequence[str]) -> tuple[str, ...]:
+    """What is to be said of tolerances that stand in for what has no name."""
+    if not ends:
+        return ()
+    return (
+        f"as far off as they may be, and none of them alone gains enough to be named: "
+        f"{', '.join(ends)}; something is the matter that they stand in for: measure one of them",
+    )
 
 
 def _unexplained(rest: Rest) -> Mapping[str, Any]:

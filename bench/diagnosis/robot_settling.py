@@ -67,10 +67,15 @@ class RobotJudges:
         a robot as believed of which several tolerances have gone to their ends: something is the
         matter for which they stand in.
         """
-        if len(self.at_ends(base)) > ENDS:
+        if self.stands_in(base):
             return False
         fitted = self.over_noise(base, self.which) < FITTED
         return fitted and (not self.held_out or self.over_noise(base, self.judges) < JUDGED)
+
+    def stands_in(self, found: RobotFit) -> tuple[str, ...]:
+        """Tolerances at their ends, if there are more of them than where nothing is the matter."""
+        names = self.at_ends(found)
+        return tuple(names) if len(names) > ENDS else ()
 
     def at_ends(self, found: RobotFit) -> list[str]:
         """Tolerances of the whole robot that a fit has taken as far as they may go."""

@@ -91,6 +91,12 @@ def test_a_robot_is_not_as_believed_where_tolerances_stand_at_their_ends(toleran
     assert judges(left).consistent(taken_as(*tolerances)) is expected
 
 
+def test_tolerances_stand_in_for_something_where_more_are_at_their_ends_than_by_chance():
+    found = judges({})
+    assert found.stands_in(taken_as(2.0, 0.0, 0.0, 4.0)) == ()
+    assert found.stands_in(taken_as(2.0, -2.0, 0.0, 0.0)) == ("mass of the tibiae", "supply")
+
+
 def test_without_recordings_that_judge_those_that_were_fitted_say_it():
     left = {0: rms(0.9 * FITTED), 1: rms(0.9 * FITTED)}
     assert judges(left, held_out=False).consistent(BASE)
