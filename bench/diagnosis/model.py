@@ -364,9 +364,13 @@ class JointModel:
     def _run(
         self, hypothesis: Hypothesis, candidates: Sequence[Candidate], replays: Sequence[int]
     ) -> list[Floats]:
-        """Rollouts: under the source, if that is in question, else the recorded supply if any."""
+        """Rollouts, under the recorded supply where there is one.
+
+        If its source is in question and no other servo draws on it, they are under that.
+        """
         self.rollouts += len(candidates)
-        if SOURCE in hypothesis.effects and any(self.recorded_supply) and not self.register_rules:
+        own = SOURCE in hypothesis.effects and len(self.robot.servos) == 1
+        if own and any(self.recorded_supply) and not self.register_rules:
             return list(self._sourced.run(candidates, replays, self.leash_rad_s))
         stiff = [
             replace(c, source_ohm=0.0) if self.recorded_supply[r] and c.source_ohm else c

@@ -135,7 +135,7 @@ class Work:
         shown = [model.features[r] for r in self.judges]
         rmse = [steady_rmse_rad(shown, judged) for judged in (believed, better)]
         floor = floor_rad(model, self.judges)
-        ends = () if causes else self.held.stands_in(after)
+        ends = () if causes else self.held.strained(after)
         left = bool(ends) or rest.structured or is_worse(rmse[0], rmse[1], floor)
         verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)

@@ -67,15 +67,21 @@ class RobotJudges:
         a robot as believed of which several tolerances have gone to their ends: something is the
         matter for which they stand in.
         """
-        if self.stands_in(base):
+        if len(self.at_ends(base)) > ENDS:
             return False
         fitted = self.over_noise(base, self.which) < FITTED
         return fitted and (not self.held_out or self.over_noise(base, self.judges) < JUDGED)
 
-    def stands_in(self, found: RobotFit) -> tuple[str, ...]:
-        """Tolerances at their ends, if there are more of them than where nothing is the matter."""
+    def strained(self, found: RobotFit) -> tuple[str, ...]:
+        """Tolerances at their ends, if they stand in for something that has no name.
+
+        That takes more of them than where nothing is the matter, and all of the whole robot's
+        together farther off than their priors have it: fits draw them towards what is believed.
+        """
         names = self.at_ends(found)
-        return tuple(names) if len(names) > ENDS else ()
+        pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
+        squares = [z**2 for n, z in pairs if n.same]
+        return tuple(names) if len(names) > ENDS and sum(squares) > len(squares) else ()
 
     def at_ends(self, found: RobotFit) -> list[str]:
         """Tolerances of the whole robot that a fit has taken as far as they may go."""

@@ -120,3 +120,16 @@ def test_a_source_that_only_the_motion_asks_for_is_told_as_rejected(lying):
     (wanted, wanted_error), (shown, _) = denied["from_motion_ohm"], denied["from_register_ohm"]
     assert wanted == pytest.approx(SOURCE_OHM, abs=3.0 * wanted_error)
     assert shown < 0.1 * SOURCE_OHM
+
+
+def test_a_source_that_other_servos_draw_on_as_well_does_not_make_the_voltage_alone(lying):
+    (servo,) = lying.robot.servos
+    arm = JointModel(lying.base, lying.robot, lying.observed)
+    arm.robot = replace(lying.robot, servos=(servo, replace(servo, joint="other")))
+    knobs = effect_knobs(effect("voltage_sag"))
+    z = np.append(np.zeros(len(arm.nuisances)), knobs[0].at(SOURCE_OHM))
+    shared, plain = (
+        arm.residuals(hypothesis, [vector], kinds=(Kind.POSITION,))[0][0, Kind.POSITION].value
+        for hypothesis, vector in ((Hypothesis(knobs), z), (Hypothesis(), z[:-1]))
+    )
+    assert np.array_equal(shared, plain)

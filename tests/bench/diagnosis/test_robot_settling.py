@@ -91,10 +91,26 @@ def test_a_robot_is_not_as_believed_where_tolerances_stand_at_their_ends(toleran
     assert judges(left).consistent(taken_as(*tolerances)) is expected
 
 
-def test_tolerances_stand_in_for_something_where_more_are_at_their_ends_than_by_chance():
+@pytest.mark.parametrize(
+    ("tolerances", "expected"),
+    [
+        ((2.0, 0.0, 0.0, 4.0), ()),  # of a joint
+        ((2.0, -1.9, 1.9, 0.0), ()),  # one at its end
+        ((2.0, -2.0, 0.0, 0.0), ("mass of the tibiae", "supply")),
+    ],
+)
+def test_tolerances_stand_in_for_something_where_several_are_at_their_ends(tolerances, expected):
+    assert judges({}).strained(taken_as(*tolerances)) == expected
+
+
+def test_two_at_their_ends_among_many_that_are_near_stand_in_for_nothing():
+    many = [
+        RobotNuisance(f"mass {k}", "(ratio)", 1.0, "", reach=2.0, same=("x",)) for k in range(15)
+    ]
     found = judges({})
-    assert found.stands_in(taken_as(2.0, 0.0, 0.0, 4.0)) == ()
-    assert found.stands_in(taken_as(2.0, -2.0, 0.0, 0.0)) == ("mass of the tibiae", "supply")
+    found.model.nuisances = many
+    assert found.strained(taken_as(2.0, 2.0, *13 * [0.7])) == ()
+    assert found.strained(taken_as(2.0, 2.0, *13 * [0.8])) == ("mass 0", "mass 1")
 
 
 def test_without_recordings_that_judge_those_that_were_fitted_say_it():
