@@ -30,7 +30,7 @@ from .observed import Observed
 from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
 from .renewed import load_refresh
-from .rest import Rest, is_worse, left_share, rest_of
+from .rest import Rest, is_worse, rest_of
 from .result import Cause, Diagnosis, FitSummary, beside_rest, verdict_of
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
@@ -131,7 +131,8 @@ def diagnose_joint(
                 probability=probability,
                 indistinguishable_from=tuple(close),
             ),
-            left_share(rest, calm[0], floor),
+            rest.foretold,
+            calm[0] ** 2 - floor**2,
         )
         for gain, (_, without, probability, close) in zip(taken, found, strict=True)
     ]

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.effects import effect
+from sim.stepped import TICK_S
 
 from .knobs import Knob
 from .model import Hypothesis, JointModel, Kind
@@ -30,7 +31,6 @@ TIMES_S = (0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.0, 3.0)  #: of an overloa
 LATE_S = (0.0, 0.02, 0.05, 0.1, 0.2)  #: after the trip, at which a break may be seen
 LEAST = 5  #: samples of the duty in that time
 ALMOST_LEAST = 0.05  #: quantile of the duty in that time which was still too high
-GRID_S = 0.001  #: of a law along recorded angles: a tick
 ASKED = 5.0  #: steps of its register that a law must ask for where that shows none
 BELOW = 0.99  #: share of that quantile: a threshold just under what was held so long
 
@@ -42,12 +42,16 @@ def breaks_s(blocks: Mapping[int, Block]) -> dict[int, float]:
     usual = float(np.median(np.abs(np.concatenate([b.value for b in blocks.values()]))))
     found = {}
     for r, block in blocks.items():
-        far = (np.abs(block.value) > UNLIKE * usual).astype(np.int64)
-        run = np.convolve(far, np.ones(LASTING, np.int64), mode="valid")
-        lasting = np.flatnonzero(run == LASTING)
-        if len(lasting) and lasting[0] > 0:
-            found[r] = float(block.t_s[lasting[0]])
+        first = _lastingly(np.abs(block.value) > UNLIKE * usual)
+        if first > 0:
+            found[r] = float(block.t_s[first])
     return found
+
+
+def _lastingly(such: NDArray[np.bool_]) -> int:
+    """The first of enough samples on end that are such; 0 where there are none."""
+    run = np.convolve(such, np.ones(LASTING, np.int64), mode="valid")
+    return int(np.argmax(run == LASTING)) if len(such) >= LASTING else 0
 
 
 def silences(
@@ -63,15 +67,13 @@ def silences(
         samples = one.channels.get(Channel.DUTY)
         if samples is None:
             continue
-        law = model.law(hypothesis, z, r, GRID_S)
-        asked = np.abs(law[np.minimum((samples.t_s / GRID_S).astype(np.intp), len(law) - 1)])
+        law = model.law(hypothesis, z, r, TICK_S)
+        asked = np.abs(law[np.minimum((samples.t_s / TICK_S).astype(np.intp), len(law) - 1)])
         sizes = np.abs(samples.value)
         silent = (sizes < 0.5 * samples.quantum) & (asked > ASKED * samples.quantum)
-        run = np.convolve(silent, np.ones(LASTING, np.int64), mode="valid")
-        lasting = np.flatnonzero(run == LASTING)
-        if len(lasting) and sizes[: lasting[0]].any():
-            at = samples.t_s[: lasting[0]][sizes[: lasting[0]] > 0.0][-1]
-            found.append((float(at), samples.t_s, sizes))
+        shown = np.flatnonzero(sizes[: _lastingly(silent)])
+        if len(shown):
+            found.append((float(samples.t_s[shown[-1]]), samples.t_s, sizes))
     return found
 
 

@@ -28,6 +28,11 @@ class Rest:
     remainder: Remainder
     structured: bool  #: whether it is called unexplained
 
+    @property
+    def foretold(self) -> float:
+        """The square of what is foretold, where that is no noise [rad^2]."""
+        return self.remainder.predicted_rad**2 if self.structured else 0.0
+
 
 def rest_of(model: JointModel, judge: JointModel, found: Fit, floor: float, seed: int = 0) -> Rest:
     """What a fit to ``model`` leaves of ``judge``, which may be the same.
@@ -48,16 +53,6 @@ def _rest(judge: JointModel, found: Fit, floor: float, seed: int) -> Rest:
     told = remainder(judge, blocks, seed)
     rms = block_rms(blocks, Kind.POSITION)
     return Rest(blocks, told, is_structured(told, rms, floor, engines_rad(judge)))
-
-
-def left_share(rest: Rest, before_rad: float, floor: float) -> float:
-    """Share of what can be explained that is foretold and has no name; 0 where it is noise.
-
-    ``before_rad`` is what was left before anything was named, ``floor`` the noise's deviation.
-    """
-    if not rest.structured:
-        return 0.0
-    return rest.remainder.predicted_rad**2 / max(before_rad**2 - floor**2, 1e-30)
 
 
 def is_worse(before_rad: float, after_rad: float, floor: float) -> bool:

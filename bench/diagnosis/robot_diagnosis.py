@@ -247,9 +247,7 @@ class Work:
             cause = cause_of(
                 self.search, found, gain, after, float(np.clip(explained, -1.0, 1.0)), held_out
             )
-            if rest.structured:
-                cause = beside_rest(cause, rest.predicted_rad**2 / max(before - floor, 1e-30))
-            causes.append(cause)
+            causes.append(beside_rest(cause, rest.foretold, before - floor))
             placed.append((self.model.placed[gain.name], cause.parameters))
             if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):
                 self.tell(f"what would tell {gain.name} from its rivals")

@@ -48,6 +48,11 @@ class Rest:
             and self.agreeing >= AGREEING
         )
 
+    @property
+    def foretold(self) -> float:
+        """The square of what is foretold, where that is no noise [rad^2]."""
+        return self.predicted_rad**2 if self.structured else 0.0
+
 
 def rest_of(
     model: RobotModel, found: RobotFit, fitted: Sequence[int], judging: Sequence[int]

@@ -130,7 +130,9 @@ def test_a_verdict_says_what_is_named_and_whether_something_is_left(named, left,
 )
 def test_a_cause_beside_a_rest_is_no_likelier_than_its_part_of_both(explained, left, part):
     rival = Rival("dead_zone", ("arm",), 0.1, 3.0)
-    cause = beside_rest(Cause("punch", ("arm",), {}, 50.0, explained, 0.8, (rival,)), left)
+    cause = beside_rest(
+        Cause("punch", ("arm",), {}, 50.0, explained, 0.8, (rival,)), 2.0 * left, 2.0
+    )
     assert cause.probability == pytest.approx(0.8 * part)
     (other,) = cause.indistinguishable_from
     assert other.probability == pytest.approx(0.1 * part)

@@ -11,7 +11,7 @@ from bench.diagnosis.floor import REPEATS, SOUND_RAD, engines_rad, held_band_rad
 from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import observe
 from bench.diagnosis.remainder import Remainder
-from bench.diagnosis.rest import Rest, is_structured, left_share, rest_of
+from bench.diagnosis.rest import Rest, is_structured, rest_of
 from sim.drive import kernel
 from sim.model import read_model
 
@@ -66,11 +66,10 @@ def test_a_rest_is_unexplained_only_beyond_what_engines_may_differ_by(engines, s
     assert is_structured(rest, 0.0021, 0.0005, engines) is structured
 
 
-def test_a_share_is_left_of_what_can_be_explained_where_it_is_no_noise():
+def test_a_rest_is_foretold_where_it_is_no_noise():
     told = Remainder(0.003, 0.9, 1.0, ())
-    before_rad, floor = np.hypot(0.006, 0.001), 0.001
-    assert left_share(Rest({}, told, structured=True), before_rad, floor) == pytest.approx(0.25)
-    assert left_share(Rest({}, told, structured=False), before_rad, floor) == 0.0
+    assert Rest({}, told, structured=True).foretold == pytest.approx(9e-6)
+    assert Rest({}, told, structured=False).foretold == 0.0
 
 
 def believed_of(recordings):
