@@ -359,8 +359,8 @@ def _stand_in(ends: Sequence[str]) -> tuple[str, ...]:
     if not ends:
         return ()
     return (
-        f"as far off as they may be, and none of them alone gains enough to be named: "
-        f"{', '.join(ends)}; something is the matter that they stand in for: measure one of them",
+        f"tolerances that are as far off as they may be: {', '.join(ends)}; they stand in for "
+        "something that has no name here: measure one of them and put it into the robot file",
     )
 
 
