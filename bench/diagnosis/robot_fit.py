@@ -17,7 +17,7 @@ from .confidence import sandwich, stretches
 from .fit import bounded_step
 from .noise import Noise, cost, estimate, huber_weight, whiten
 from .robot_features import RobotKind
-from .robot_model import RobotBlocks, RobotModel
+from .robot_model import LEAST_NOISE_RAD, RobotBlocks, RobotModel
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class Sight:
 
         They do so in every recording and leg alike, and so all of them together tell it once.
         """
-        floors = self.model.floors()
+        floors = self.model.floors(LEAST_NOISE_RAD)
         found: dict[RobotKind, Noise] = {}
         for kind in self.kinds:
             own = [b for (_, k), b in blocks.items() if k is kind]

@@ -18,7 +18,7 @@ from .result import Estimate as Found
 from .robot_effects import Placed
 from .robot_nuisances import TIPS, RobotNuisance, tip_of
 
-WORTH = 0.3  #: deviations of its prior below which a nuisance is left as believed
+FRICTION, GEARS = "friction", "gears"  #: nuisances of one joint's friction, and of that of all
 #: nuisances as effects, by the first word of their names: the effect and its parameter
 PLACES = {
     "zero": ("zero_offset", "offset_rad"),
@@ -78,13 +78,16 @@ def of_nuisances(
 
     Instants of sampling, roundings and the ground's tilt do not.
     """
+    values = {n.name: x * n.deviation for n, x in zip(nuisances, z, strict=False) if x != 0.0}
     made = []
-    for nuisance, deviations in zip(nuisances, z, strict=False):
-        if abs(deviations) < WORTH:
-            continue
-        x = deviations * nuisance.deviation
-        told = f"nuisance {nuisance.name}; {recordings}"
-        made += _addition(base, nuisance.name, x, told)
+    for name, x in values.items():
+        made += _addition(base, name, x, f"nuisance {name}; {recordings}")
+    gears = 1.0 + values.get(GEARS, 0.0)
+    for joint in base.joints:
+        own = f"{FRICTION} {joint.name}"
+        more = (1.0 + values.get(own, 0.0)) * gears - 1.0
+        if more != 0.0:
+            made += _friction(joint, more, f"nuisances {own} and {GEARS}; {recordings}")
     return made
 
 
@@ -99,13 +102,6 @@ def of_room(nuisances: Sequence[RobotNuisance], z: Sequence[float]) -> list[Addi
 
 def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addition]:
     word, _, where = name.partition(" ")
-    if word in ("friction", "gears"):
-        return [
-            addition
-            for joint in base.joints
-            if where in ("", joint.name)
-            for addition in _friction(joint, x, told)
-        ]
     if word == TIPS:
         values = dict(zip(("stiffness_n_m", "damping_n_s_m"), tip_of(x), strict=True))
         tip = {key: Estimate(value, told) for key, value in values.items()}

@@ -41,6 +41,9 @@ JITTERS = 3  #: replays with a slightly other start, for the spread of replays
 #: what two engines leave of the same walk when nuisances are fitted: nothing is said of less, as
 #: reality is no nearer to one of them; source: measured, docs/explanation/two-engines.md
 ENGINES_RAD = 1.0e-3
+#: what is noise of a row of means in any case, rounding aside; source: measured of nulls of the
+#: other engine, fits leave 0.6 mrad of a PhantomX (rounding and all) and 1.0 mrad of a Marvin
+LEAST_NOISE_RAD = 0.5e-3
 HEIGHT_FLOOR_M = 2e-4  #: of an observer's height; assumed of motion capture
 
 
@@ -108,7 +111,8 @@ class RobotModel:
         self.replays = Replays(robot, self.features, self.nuisances, processes, journal)
         self._joints = [joint.name for joint in base.joints]
         say("replaying the recordings")
-        self.centre: list[Rows] = self._run([Job(r) for r in self._every])
+        self._exact = self.replays.run([Job(r) for r in self._every])  #: that of each centre
+        self.centre: list[Rows] = [rows_of(outcome) for outcome in self._exact]
         self._plain = {m: self._run([Job(m, short=True)])[0] for m in sorted(set(self.motion))}
         self.curves = Curves(self.placed, self._plain, self._run)
         nothing: Settings = ()
@@ -185,17 +189,23 @@ class RobotModel:
                 by_trial[trial.name] = {
                     kind: (rows[kind] - base) / trial.size for kind, base in middle.items()
                 }
-            (whole,) = self.replays.run([Job(m, settings, nuisances=at)])
-            columns = [self._trace(m, nuisance, by_trial, whole) for nuisance in self.nuisances]
+            columns = [self._trace(m, nuisance, by_trial) for nuisance in self.nuisances]
             traces[m] = {
                 kind: np.nan_to_num(np.stack([column[kind] for column in columns], axis=1))
                 for kind in middle
             }
-        return [traces[m] for m in self._like]
+        return [self._read(traces[m], r) for r, m in enumerate(self._like)]
 
-    def _trace(
-        self, m: int, nuisance: RobotNuisance, by_trial: Mapping[str, Rows], whole: Outcome
-    ) -> Rows:
+    def _read(self, traces: Rows, r: int) -> Rows:
+        """Traces with what a later instant and a later turn do to a recording's own centre."""
+        outcome, own = self._exact[r], traces | {RobotKind.JOINTS: traces[RobotKind.JOINTS].copy()}
+        for k, nuisance in enumerate(self.nuisances):
+            rows = {"sampling": outcome.speed_rad_s, "turn": outcome.turn_rad}.get(nuisance.name)
+            if rows is not None:
+                own[RobotKind.JOINTS][:, k] = nuisance.deviation * np.nan_to_num(rows)
+        return own
+
+    def _trace(self, m: int, nuisance: RobotNuisance, by_trial: Mapping[str, Rows]) -> Rows:
         features = self.features[m]
         own = np.ones(len(features.bin), bool)
         if nuisance.joint:
@@ -204,12 +214,7 @@ class RobotModel:
             rows = by_trial[nuisance.trial]
         else:
             rows = {kind: np.zeros_like(base) for kind, base in self._plain[m].items()}
-            if nuisance.name == "sampling":
-                rows[RobotKind.JOINTS] = whole.speed_rad_s
-            elif nuisance.name == "turn":
-                rows[RobotKind.JOINTS] = whole.turn_rad
-            else:
-                rows[RobotKind.JOINTS] = np.ones(len(features.bin))
+            rows[RobotKind.JOINTS] = np.ones(len(features.bin))
         if nuisance.joint:
             zero = {kind: np.zeros_like(values) for kind, values in rows.items()}
             rows = zero | {RobotKind.JOINTS: np.where(own, rows[RobotKind.JOINTS], 0.0)}
@@ -217,12 +222,12 @@ class RobotModel:
         still = {RobotKind.SHAKING: np.zeros_like(rows[RobotKind.SHAKING])}
         return {kind: values * nuisance.deviation for kind, values in rows.items()} | still
 
-    def floors(self) -> Mapping[RobotKind, float]:
+    def floors(self, least_rad: float = ENGINES_RAD) -> Mapping[RobotKind, float]:
         """The least white deviation: rounding, averaged over a row, and what engines differ by."""
         count = float(np.median(np.concatenate([f.count for f in self.features])))
         rounding = self.quantum_rad / np.sqrt(12.0 * count)
         floors = {
-            RobotKind.JOINTS: float(np.hypot(rounding, ENGINES_RAD)),
+            RobotKind.JOINTS: float(np.hypot(rounding, least_rad)),
             RobotKind.SHAKING: ENGINES_SHAKING,
         }
         if any(len(f.height_m) for f in self.features):
@@ -270,6 +275,8 @@ class RobotModel:
                 else {k: own[k] + rows - before[leader][k] for k, rows in there[leader].items()}
             )
             self._centred_on[r] = (told[0], at)
+            (self._exact[r],) = self.replays.run([Job(leader, told[0], nuisances=told[1])])
+            self.traces[r] = self._read(self.traces[r], r)
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
     @contextmanager

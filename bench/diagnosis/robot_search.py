@@ -4,6 +4,10 @@ The likelihood, the fits and what a gain must be divided by are those of one joi
 taken when it gains enough on what it is fitted to and, where there are several groups of
 recordings, on those left out. Then exactly that robot is replayed, and the search goes on from
 there; in the end effects are dropped again without which the rest does as well.
+
+Every hypothesis begins as believed but for its effects: where tolerances have paid for what is the
+matter, no small step leads back from. And what it is held against is fitted again from where the
+best of them has led, as what begins elsewhere may end deeper by itself.
 """
 
 from __future__ import annotations
@@ -35,19 +39,18 @@ CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have don
 AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 WIDENED = 3  #: times at most that a curve is made longer for a fit
-KEPT = 0.8  #: of a promised gain that an exact replay must bear out for curves to be believed
 PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 REFINED = 2  #: times at most that what nuisances do is taken anew where a fit has led
 WORTH = 5.0  #: gain [nats] of the first of them from which there is another
 BEST = 2  #: effects of a step that are refined before one is chosen
+FAIR = 2  #: times at most that what an effect gains over is fitted again from where it has led
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 #: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
 #: much of it, are two valleys
 SPRINGS = frozenset(
     f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
 )
-FAR_FITS = 2  #: exact replays and fits in turns before such a spring is judged
 
 
 class RobotSearch:
@@ -91,8 +94,9 @@ class RobotSearch:
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
-                gains = self._with_springs(gains, now, SPRINGS.intersection(wanted))
-                chosen = self._that_holds(now, gains, named)
+                gains = self._roughly(now, gains, named, SPRINGS.intersection(wanted))
+                chosen, now = self._chosen(now, gains)
+                base = base if now.names else now
                 tried.append(tuple(gains))
                 if chosen is None:
                     break
@@ -114,7 +118,32 @@ class RobotSearch:
     def believed(self) -> RobotFit:
         """What the operator believes, with all that is never exactly so."""
         self._say("fitting what the operator believes")
-        return self.refined(self.settle(self.sight.fit()))
+        return self.refined(self._begun((), np.empty(0)))
+
+    def _begun(
+        self,
+        names: Sequence[str],
+        knobs: Floats,
+        noise: Mapping[RobotKind, Noise] | None = None,
+        nuisances: Floats | None = None,
+    ) -> RobotFit:
+        """An exact fit that begins with all as believed (or ``nuisances``) but for its effects.
+
+        What nuisances do is taken there, and left so.
+        """
+        ordinary = np.zeros(len(self.model.nuisances)) if nuisances is None else nuisances
+        z = np.clip(np.concatenate([ordinary, knobs]), *self.sight.box(names))
+        at = RobotFit(tuple(names), z, noise or {}, np.inf)
+        self.model.retrace(at.settings, at.nuisances)
+        return self._led(at.names, at.z, noise)
+
+    def _led(
+        self, names: Sequence[str], z: Floats, noise: Mapping[RobotKind, Noise] | None
+    ) -> RobotFit:
+        """An exact fit that begins somewhere and goes by traces as they are."""
+        at = RobotFit(tuple(names), np.clip(z, *self.sight.box(names)), noise or {}, np.inf)
+        self.model.recentre(at.settings, at.nuisances, self.which)
+        return self.settle(self._fit(at.names, at.z, noise))
 
     def nothing(self, base: RobotFit) -> RobotFindings:
         """That what the operator believes is all there is to say."""
@@ -160,7 +189,7 @@ class RobotSearch:
         return self.sight.at(found)
 
     def _fit(
-        self, names: Sequence[str], start: Floats, noise: Mapping[RobotKind, Noise]
+        self, names: Sequence[str], start: Floats, noise: Mapping[RobotKind, Noise] | None
     ) -> RobotFit:
         """A fit whose knobs are not at the ends of their curves, which are made longer."""
         found = self.sight.fit(names, start, noise)
@@ -171,40 +200,91 @@ class RobotSearch:
             found = self.sight.fit(names, found.z, found.noise)
         return found
 
-    def _that_holds(
-        self, now: RobotFit, gains: list[RobotGain], named: Collection[str]
-    ) -> RobotGain | None:
-        """The gain that exact replays bear out best; those take their places among the gains.
+    def _chosen(self, now: RobotFit, gains: list[RobotGain]) -> tuple[RobotGain | None, RobotFit]:
+        """The gain that holds best with what nuisances do there, if one does; what it gains over.
 
-        What stands for a tolerance at its end (``named``) is replayed whatever curves promise;
-        what they promise is counted in full here.
+        That is fitted again from where the best of them has led. Gains take their places among
+        the others, the best first.
         """
         plain, begun = self._left_out(now), self._whole_square(now)
-        for k, gain in enumerate(gains):
-            if gain.nats < NEEDED and gain.name not in named:
-                continue
-            self._say(f"replaying {gain.name} exactly")
-            self.model.recentre(now.settings, now.nuisances, self.which)
-            with self.model.following():
-                exact = self._exactly(gain, now)
-            gains[k] = self._with(gain, now, self._replayed(exact), plain)
-        best = sorted(range(len(gains)), key=lambda k: -gains[k].deflated)[:BEST]
-        for k in best:
-            if gains[k].nats >= NEEDED:
-                self._say(f"replaying what is ordinary beside {gains[k].name}")
-                gains[k] = self._with(gains[k], now, self.refined(gains[k].fit), plain)
-        held = [gain for gain in gains if self._stands(gain, now, begun)]
-        chosen = max(held, key=lambda gain: gain.deflated, default=None)
+        few = self._anew(now, gains, plain)
+        chosen = self._best(few, now, begun)
         if chosen is not None:
             self._say(f"replaying much of {chosen.name}")
             far = self._with(chosen, now, self._from_far(chosen.fit), plain)
             if far.nats > chosen.nats + ENOUGH and self._stands(far, now, begun):
-                gains[next(k for k, gain in enumerate(gains) if gain is chosen)] = far
-                chosen = far
+                few[few.index(chosen)] = chosen = far
+        for _ in range(FAIR):
+            if chosen is None:
+                break
+            self._say(f"asking what is ordinary to do without {chosen.name}")
+            nuisances = chosen.fit.nuisances
+            again = self.refined(self._begun(now.names, now.knobs, now.noise, nuisances))
+            if again.cost > now.cost - ENOUGH:
+                break
+            now, plain = again, self._left_out(again)
+            few = [self._with(gain, now, gain.fit, plain) for gain in few]
+            chosen = self._best(few, now, self._whole_square(now))
+        for gain in few:
+            k = next(k for k, other in enumerate(gains) if other.name == gain.name)
+            gains[k] = gain
         gains.sort(key=lambda gain: -gain.deflated)
-        fit = now if chosen is None else chosen.fit
-        self._around(fit)
-        return chosen
+        self._around(now if chosen is None else chosen.fit)
+        return chosen, now
+
+    def _roughly(
+        self,
+        now: RobotFit,
+        promised: Sequence[RobotGain],
+        named: Collection[str],
+        springs: frozenset[str],
+    ) -> list[RobotGain]:
+        """Gains by exact replays that begin as believed, by traces as they are; best first.
+
+        What stands for a tolerance at its end (``named``) is replayed whatever is ``promised``, and
+        so is much of each of some ``springs``. Gains are over what began in the same way.
+        """
+        level = self._as_believed(now.names, now.knobs, now.noise)
+        gains = {gain.name: gain for gain in promised}
+        for gain in promised:
+            if gain.nats >= NEEDED or gain.name in named:
+                self._say(f"replaying {gain.name} exactly")
+                exact = self._as_believed(gain.fit.names, gain.fit.knobs, now.noise)
+                gains[gain.name] = replace(gain, fit=exact, nats=level.cost - exact.cost)
+        for name in sorted(springs.difference(now.names)):
+            self._say(f"looking for much of {name}")
+            *_, large = self.model.curves.tries(name)
+            at = self._as_believed((*now.names, name), np.append(now.knobs, large), now.noise)
+            nats = level.cost - at.cost
+            if nats >= NEEDED and (name not in gains or nats > gains[name].nats):
+                gains[name] = RobotGain(name, at, nats, self.sight.inflation(at, name), None)
+        return levelled(list(gains.values()))
+
+    def _anew(
+        self, now: RobotFit, gains: Sequence[RobotGain], plain: float | None
+    ) -> list[RobotGain]:
+        """The best few, with what nuisances do there; ``plain`` is as in :meth:`_with`."""
+        few = []
+        for gain in sorted(gains, key=lambda gain: -gain.deflated)[:BEST]:
+            if gain.nats >= NEEDED:
+                self._say(f"replaying what is ordinary beside {gain.name}")
+                fit = gain.fit
+                anew = self.refined(self._begun(fit.names, fit.knobs, fit.noise))
+                few.append(self._with(gain, now, anew, plain))
+        return few
+
+    def _as_believed(
+        self, names: Sequence[str], knobs: Floats, noise: Mapping[RobotKind, Noise]
+    ) -> RobotFit:
+        """A fit begun as believed, by traces as they are, of the first recording of each motion."""
+        z = np.append(np.zeros(len(self.model.nuisances)), knobs)
+        with self.model.following():
+            found = self._led(names, z, noise)
+        return self._replayed(found)
+
+    def _best(self, gains: Sequence[RobotGain], now: RobotFit, begun: float) -> RobotGain | None:
+        held = [gain for gain in gains if self._stands(gain, now, begun)]
+        return max(held, key=lambda gain: gain.deflated, default=None)
 
     def _with(
         self, gain: RobotGain, now: RobotFit, exact: RobotFit, plain: float | None
@@ -217,18 +297,6 @@ class RobotSearch:
         """Whether a gain holds, and no whole recording is much worse than ``begun`` [rad^2]."""
         return self._holds(gain, now) and self._whole_square(gain.fit) <= WORSE * begun
 
-    def _exactly(self, gain: RobotGain, now: RobotFit) -> RobotFit:
-        """An effect's exact fit: from where curves led, or, if that disappoints, from a large try.
-
-        Curves know an effect with all else as believed. Of what changes a robot much, as a spring
-        of a tenth does, they know too little; replayed exactly there, the fit finds the way.
-        """
-        off = np.append(now.z, 0.0)
-        best = self.settle(gain.fit, replace(gain.fit, z=off, noise=now.noise, cost=now.cost))
-        if best.cost < gain.fit.cost + (1.0 - KEPT) * gain.nats:
-            return best
-        return self._from_far(best)
-
     def _from_far(self, found: RobotFit) -> RobotFit:
         """An exact fit, or that from a large try of its last effect, if that is deeper.
 
@@ -239,10 +307,8 @@ class RobotSearch:
         for z in large:
             if found.z[-1] > 0.5 * z:
                 continue
-            there = replace(found, z=np.append(found.z[:-1], z))
-            self.model.recentre(there.settings, there.nuisances, self.which)
-            settled = self.settle(self._fit(there.names, there.z, there.noise))
-            best = min(best, settled, key=lambda fit: fit.cost)
+            there = self._begun(found.names, np.append(found.knobs[:-1], z), found.noise)
+            best = min(best, there, key=lambda fit: fit.cost)
         return best
 
     def _whole_square(self, found: RobotFit) -> float:
@@ -279,10 +345,15 @@ class RobotSearch:
         return names
 
     def _step(self, some: Sequence[Screened], now: RobotFit, step: int) -> list[RobotGain]:
+        """Fits of effects by traces and curves, as believed but for the effects that are taken."""
+        nothing = np.zeros(len(self.model.nuisances))
+        self.model.retrace(now.settings, nothing)
+        self.model.recentre(now.settings, nothing, self.which)
+        plain = self._fit(now.names, np.append(nothing, now.knobs), now.noise)
         gains: list[RobotGain] = []
         for one in some:
             self._say(f"step {step + 1}: fitting {one.name}")
-            gains.append(self._confirm(now, one))
+            gains.append(self._confirm(plain, one))
         return levelled(gains)
 
     def _confirm(self, now: RobotFit, one: Screened) -> RobotGain:
@@ -298,27 +369,6 @@ class RobotSearch:
         fitted = self._fit(names, vectors[int(np.argmin(costs))], now.noise)
         wide = sight.inflation(fitted, one.name)
         return RobotGain(one.name, fitted, now.cost - fitted.cost, wide, None)
-
-    def _with_springs(
-        self, gains: Sequence[RobotGain], now: RobotFit, springs: frozenset[str]
-    ) -> list[RobotGain]:
-        """Gains, and those of springs that are begun with much of them, where these are larger."""
-        best = {gain.name: gain for gain in gains}
-        for name in sorted(springs.difference(now.names)):
-            self._say(f"looking for much of {name}")
-            *_, large = self.model.curves.tries(name)
-            at = RobotFit((*now.names, name), np.append(now.z, large), now.noise, now.cost)
-            self.model.recentre(now.settings, now.nuisances, self.which)
-            with self.model.following():
-                for _ in range(FAR_FITS):
-                    self.model.recentre(at.settings, at.nuisances, self.which)
-                    at = self._fit(at.names, at.z, at.noise)
-            at = self._replayed(at)
-            nats = now.cost - at.cost
-            if nats >= NEEDED and (name not in best or nats > best[name].nats):
-                best[name] = RobotGain(name, at, nats, self.sight.inflation(at, name), None)
-        self.model.recentre(now.settings, now.nuisances, self.which)
-        return levelled(list(best.values()))
 
     def _left_out(self, found: RobotFit) -> float | None:
         """What groups cost that are left out in turn [nats], fitted anew without them.

@@ -42,7 +42,7 @@ class Pretended:
     def effect(knob):
         return BENT * np.sqrt(max(knob, 0.0))
 
-    def floors(self):
+    def floors(self, least_rad=NOISE_RAD):
         return {RobotKind.JOINTS: NOISE_RAD}
 
     def recorded(self, r, kind):

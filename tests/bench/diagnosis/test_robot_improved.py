@@ -8,7 +8,6 @@ from walking_robots import believed, marvin
 from bench.diagnosis.result import Estimate
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_improved import (
-    WORTH,
     of_causes,
     of_nuisances,
     of_room,
@@ -16,7 +15,7 @@ from bench.diagnosis.robot_improved import (
     with_all,
     write_model,
 )
-from bench.diagnosis.robot_nuisances import nuisances, trials
+from bench.diagnosis.robot_nuisances import nuisances, replayable, trials, with_nuisances
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -74,6 +73,20 @@ def test_what_all_joints_have_in_common_changes_all_of_them(word):
         assert own.drive != believed().joints[0].drive
 
 
+def test_the_file_is_the_robot_that_was_replayed_whatever_its_nuisances():
+    z = np.random.default_rng(3).normal(0.0, 0.8, len(every()))
+    z = np.clip(z, *np.array([n.ends for n in every()]).T)
+    wanted = with_nuisances(believed(), every(), replayable(every(), z).tolist())
+    added = (*of_nuisances(believed(), every(), z.tolist(), TOLD), *of_room(every(), z.tolist()))
+    found = with_all(believed(), added)
+    for own, expected in zip(found.joints, wanted.joints, strict=True):
+        one, other = own.drive.friction, expected.drive.friction
+        assert one.coulomb_nm == pytest.approx(other.coulomb_nm)
+        assert one.viscous_nm_s_rad == pytest.approx(other.viscous_nm_s_rad)
+        assert replace(own.drive, friction=other) == expected.drive
+    assert replace(found, joints=wanted.joints) == wanted
+
+
 def test_every_nuisance_that_is_the_robots_is_in_its_file():
     for nuisance in every():
         if nuisance.name.split()[0] not in NOT_THE_ROBOTS:
@@ -88,8 +101,10 @@ def test_what_is_not_the_robots_own_is_not_in_its_file(word):
         assert of_nuisances(believed(), every(), only(name, 2.0), TOLD) == []
 
 
-def test_what_hardly_differs_from_what_was_believed_is_left_as_believed():
-    assert of_nuisances(believed(), every(), [0.9 * WORTH for _ in every()], TOLD) == []
+def test_what_is_as_believed_is_left_so_and_little_is_told_as_well():
+    assert of_nuisances(believed(), every(), [0.0 for _ in every()], TOLD) == []
+    (told,) = of_nuisances(believed(), every(), only("torque leg3.femur", 0.01), TOLD)
+    assert told.where == ("leg3.femur",)
 
 
 def test_the_rooms_tilt_is_that_of_its_trial():

@@ -118,6 +118,22 @@ def test_meanwhile_repeats_move_as_the_first_of_their_motion_does(model):
     model.recentre((), zero)
 
 
+def test_what_a_later_reading_does_is_known_of_each_recordings_own_replay(model):
+    zero, heavy = np.zeros(len(model.nuisances)), (("payload@all", 2.0),)
+    names = [n.name for n in model.nuisances]
+    for settings in (heavy, ()):
+        model.recentre(settings, zero)
+        own = model.replays.run([Job(r, settings) for r in range(len(model.features))])
+        for name, rows in (
+            ("sampling", [one.speed_rad_s for one in own]),
+            ("turn", [one.turn_rad for one in own]),
+        ):
+            k = names.index(name)
+            for traces, expected in zip(model.traces, rows, strict=True):
+                moved = traces[RobotKind.JOINTS][:, k] / model.nuisances[k].deviation
+                assert moved == pytest.approx(np.nan_to_num(expected))
+
+
 def test_another_walk_is_no_repeat(model):
     first = model.features[NULL]
     other = replace(first, goal_rad=first.goal_rad + 0.05)

@@ -24,7 +24,6 @@ from bench.diagnosis.robot_screen import (
 from bench.diagnosis.robot_search import (
     BESIDE,
     BEST,
-    KEPT,
     NEEDED,
     PART,
     SPRINGS,
@@ -94,23 +93,19 @@ def test_a_tolerance_at_its_end_is_tried_by_name_and_no_other():
 
 
 class Exact(RobotSearch):
-    """A search whose exact replays give the same gains; squares of whole recordings are given."""
+    """A search whose exact replays give what was promised; squares of whole recordings are given.
 
-    def __init__(self, squares, large=(), found_there=0.0, borne_out=1.0, refined=None):
+    ``found_there`` is what is gained by a fit that begins at a large try, ``more`` what is gained
+    beside that once traces are taken anew, ``ordinary`` what is gained without an effect by a fit
+    that begins where one with it has led.
+    """
+
+    def __init__(self, squares, large=(), found_there=0.0, refined=None, ordinary=0.0):
         curves = SimpleNamespace(tries=lambda name: [1.0, *large])
-        self.model = SimpleNamespace(
-            recentre=self._recentre,
-            retrace=lambda settings, z: None,
-            curves=curves,
-            following=nullcontext,
-        )
-        self.more = refined or {}  #: what is gained beside that once traces are taken anew
+        self.model = SimpleNamespace(curves=curves, following=nullcontext)
+        self.more, self.ordinary = refined or {}, ordinary
         self.which, self.squares, self.replayed = [0], squares, []
-        self.found_there = found_there  #: what is gained by a fit that begins at a large try
-        self.at, self.borne_out = [], borne_out
-
-    def _recentre(self, settings, z, which):
-        self.at = [z for _, z in settings]
+        self.found_there, self.promised, self.around = found_there, {}, None
 
     def _say(self, stage):
         self.replayed.append(stage.split()[1])
@@ -118,16 +113,18 @@ class Exact(RobotSearch):
     def _replayed(self, found):
         return found
 
+    def _around(self, found):
+        self.around = found
+
     def refined(self, settled):
         return replace(settled, cost=settled.cost - self.more.get(settled.names, 0.0))
 
-    def settle(self, found, begun=None):
-        borne_out = self.borne_out if found.z.max(initial=0.0) < 8.0 else 1.0
-        return replace(found, cost=borne_out * found.cost)
-
-    def _fit(self, names, start, noise):
-        assert self.at == list(start)  # replayed exactly where the fit begins
-        return RobotFit(names, start, noise, -self.found_there)
+    def _begun(self, names, knobs, noise=None, nuisances=None):
+        gained = self.ordinary
+        if nuisances is None:
+            large = max(knobs, default=0.0) >= 8.0
+            gained = self.found_there if large else self.promised[tuple(names)]
+        return RobotFit(tuple(names), np.asarray(knobs), noise, -gained)
 
     def _left_out(self, found):
         return None
@@ -148,11 +145,16 @@ def gains(*nats):
     ]
 
 
-def holding(search, some, named=()):
-    return search._that_holds(fit("", 0.0), some, named)
+def chosen(search, some, now=None):
+    search.promised = {gain.fit.names: gain.nats for gain in some}
+    return search._chosen(now or fit("", 0.0), some)
 
 
-def test_the_best_gain_of_exact_replays_is_taken():
+def holding(search, some, now=None):
+    return chosen(search, some, now)[0]
+
+
+def test_the_best_gain_is_taken():
     assert holding(Exact({}), gains(30.0, 20.0)).name == "effect0@all"
 
 
@@ -162,26 +164,40 @@ def test_what_makes_a_whole_recording_worse_is_not_taken_however_much_it_gains()
         assert holding(search, gains(30.0, 20.0)).name == taken
 
 
-def test_what_promises_enough_or_stands_for_a_tolerance_is_replayed():
-    some = gains(1.1 * NEEDED, 0.9 * NEEDED, 0.5 * NEEDED)
-    search = Exact({})
-    holding(search, some, {some[-1].name})
-    assert search.replayed == ["effect0@all", "effect2@all", "what", "much"]
-
-
-def test_what_is_promised_is_not_divided_before_it_is_replayed():
-    (gain,) = gains(1.1 * NEEDED)
-    search = Exact({})
-    assert holding(search, [replace(gain, inflation=5.0)]) is None
-    assert search.replayed == ["effect0@all", "what"]
-
-
 def test_the_best_few_are_compared_by_what_is_ordinary_beside_each_of_them():
     some = gains(*(30.0 - k for k in range(BEST + 1)))
     more = {gain.fit.names: 10.0 * k for k, gain in enumerate(some)}
     taken = holding(Exact({}, refined=more), some)
     assert taken.name == f"effect{BEST - 1}@all"
     assert taken.nats == 30.0 + 9.0 * (BEST - 1)
+
+
+class Rough(RobotSearch):
+    """A search in which fits that begin as believed gain as given, by name, and end at 6."""
+
+    def __init__(self, there, level=0.0):
+        curves = SimpleNamespace(tries=lambda name: [1.0, 8.0])
+        self.model = SimpleNamespace(curves=curves)
+        self.sight = SimpleNamespace(inflation=lambda fit, name: 2.0)
+        self.there, self.level, self.begun = there, level, []
+
+    def _say(self, stage):
+        pass
+
+    def _as_believed(self, names, knobs, noise):
+        self.begun.append((tuple(names), list(knobs)))
+        knobs = np.append(knobs[:-1], 6.0) if len(knobs) else np.asarray(knobs)
+        gained = self.there.get(names[-1], 0.0) if names else 0.0
+        return RobotFit(tuple(names), knobs, noise, self.level - gained)
+
+
+def test_what_promises_enough_or_stands_for_a_tolerance_is_replayed():
+    some = gains(1.1 * NEEDED, 0.9 * NEEDED, 0.5 * NEEDED)
+    search = Rough({"effect0@all": 20.0, "effect2@all": 30.0}, level=-50.0)
+    found = search._roughly(fit("", 0.0), some, {some[-1].name}, frozenset())
+    assert [gain.name for gain in found] == ["effect2@all", "effect0@all", "effect1@all"]
+    assert [gain.nats for gain in found] == pytest.approx([30.0, 20.0, 0.9 * NEEDED])
+    assert (("effect1@all",), [0.0]) not in search.begun
 
 
 class Retraced(RobotSearch):
@@ -207,21 +223,30 @@ def test_traces_are_taken_anew_while_that_is_worth_it():
 
 
 @pytest.mark.parametrize("found_there", [5.0, 500.0])
-def test_where_curves_promised_too_much_a_fit_begins_at_the_large_try(found_there):
-    search = Exact({}, [8.0], found_there, borne_out=0.9 * KEPT)
-    taken = holding(search, gains(30.0))
-    assert taken.nats == max(0.9 * KEPT * 30.0, found_there)
-    assert taken.fit.z.tolist() == ([8.0] if found_there > 30.0 else [0.0])
-
-
-@pytest.mark.parametrize("found_there", [5.0, 500.0])
 def test_what_is_taken_is_looked_for_from_far_too(found_there):
-    search = Exact({}, [8.0], found_there, borne_out=1.1 * KEPT)
+    search = Exact({}, [8.0], found_there)
     some = gains(30.0, 20.0)
     taken = holding(search, some)
-    assert taken.nats == pytest.approx(max(1.1 * KEPT * 30.0, found_there))
+    assert taken.nats == max(30.0, found_there)
     assert taken in some
     assert search.replayed.count("much") == 1
+
+
+def test_what_is_ordinary_may_begin_where_an_effect_has_led():
+    for ordinary, left in ((0.0, 30.0), (10.0, 20.0), (30.0 - 0.9 * NEEDED, None)):
+        some = gains(30.0, 5.0)
+        search = Exact({}, ordinary=ordinary)
+        taken, now = chosen(search, some)
+        assert (None if taken is None else taken.nats) == left
+        assert now.cost == -ordinary
+        assert some[0].nats == pytest.approx(30.0 - ordinary)
+        assert search.around is (now if taken is None else taken.fit)
+
+
+def test_where_nothing_holds_what_is_ordinary_stays_as_it_was():
+    search, begun = Exact({}, ordinary=99.0), fit("", 0.0)
+    assert chosen(search, gains(0.9 * NEEDED), begun) == (None, begun)
+    assert search.around is begun
 
 
 def test_what_was_found_far_away_is_not_looked_for_there_again():
@@ -230,54 +255,70 @@ def test_what_was_found_far_away_is_not_looked_for_there_again():
     assert search._from_far(far) is far
 
 
-class Sprung(RobotSearch):
-    """A search in which much of a spring gains as given, by name; curves lead from 8 to 6."""
-
-    def __init__(self, there):
-        self.model = SimpleNamespace(
-            recentre=self._recentre,
-            curves=SimpleNamespace(tries=lambda name: [1.0, 8.0]),
-            following=nullcontext,
-        )
-        self.sight = SimpleNamespace(inflation=lambda fit, name: 2.0)
-        self.which, self.there, self.at = [0], there, None
-
-    def _say(self, stage):
-        pass
-
-    def _recentre(self, settings, z, which):
-        self.at = tuple(settings)
-
-    def _fit(self, names, start, noise):
-        assert self.at == tuple(zip(names, start[-len(names) :], strict=True))
-        return RobotFit(names, np.append(start[:-1], 6.0), noise, np.nan)
-
-    def _replayed(self, found):
-        return replace(found, cost=-self.there.get(found.names[-1], 0.0))
-
-
 def test_much_of_a_spring_is_looked_for_though_nothing_promises_it():
-    search, now = Sprung({"joint_compliance@femur": 1.1 * NEEDED}), fit("tips@all", 0.0)
-    (small,) = gains(NEEDED)
-    some = search._with_springs([small], now, SPRINGS)
+    search, now = Rough({"joint_compliance@femur": 1.1 * NEEDED}), fit("tips@all", 0.0)
+    (small,) = gains(0.9 * NEEDED)
+    some = search._roughly(now, [small], (), SPRINGS)
     assert {gain.name for gain in some} == {small.name, "joint_compliance@femur"}
     (spring,) = (gain for gain in some if gain.name != small.name)
     assert spring.nats == pytest.approx(1.1 * NEEDED)
     assert spring.fit.settings == (("tips@all", 0.0), ("joint_compliance@femur", 6.0))
-    assert search.at == now.settings  # replays are where the others are judged from
+    assert (("tips@all", "joint_compliance@femur"), [0.0, 8.0]) in search.begun
 
 
 def test_much_of_a_spring_takes_the_place_of_a_little_only_if_it_gains_more():
     name, now = "joint_compliance@all", fit("", 0.0)
-    little = RobotGain(name, fit(name, 30.0), 30.0, 1.0, None)
-    for there, nats in ((20.0, 30.0), (40.0, 40.0)):
-        (gain,) = Sprung({name: there})._with_springs([little], now, frozenset({name}))
+    little = RobotGain(name, fit(name, 5.0), 5.0, 1.0, None)
+    for there, nats in ((0.9 * NEEDED, 5.0), (40.0, 40.0)):
+        (gain,) = Rough({name: there})._roughly(now, [little], (), frozenset({name}))
         assert gain.nats == nats
 
 
 def test_a_spring_that_is_named_already_is_not_looked_for_again():
     name = "joint_compliance@all"
-    assert Sprung({name: 99.0})._with_springs([], fit(name, 0.0), frozenset({name})) == []
+    assert Rough({name: 99.0})._roughly(fit(name, 0.0), [], (), frozenset({name})) == []
+
+
+class Beginning(RobotSearch):
+    """A search that tells where its fits begin."""
+
+    def __init__(self):
+        self.model = SimpleNamespace(
+            nuisances=[None, None],
+            retrace=lambda settings, z: self.done.append(("traces", settings, z.tolist())),
+            recentre=lambda settings, z, which: self.done.append(("replay", settings, z.tolist())),
+            following=nullcontext,
+        )
+        wide = np.full(3, 2.0)
+        self.sight = SimpleNamespace(box=lambda names: (-wide, wide))
+        self.which, self.done = [0], []
+
+    def _fit(self, names, start, noise):
+        self.done.append(("fit", start.tolist()))
+        return RobotFit(names, start, noise, 0.0)
+
+    def settle(self, found, begun=None):
+        return found
+
+    def _replayed(self, found):
+        return found
+
+
+@pytest.mark.parametrize(
+    ("nuisances", "there"), [(None, [0.0, 0.0]), (np.array([1.0, 9.0]), [1, 2])]
+)
+def test_a_hypothesis_begins_as_believed_or_where_it_is_told(nuisances, there):
+    search = Beginning()
+    found = search._begun(("a@all",), np.array([1.5]), None, nuisances)
+    at = (("a@all", 1.5),)
+    assert found.settings == at
+    assert search.done == [("traces", at, there), ("replay", at, there), ("fit", [*there, 1.5])]
+
+
+def test_what_is_compared_first_begins_as_believed_by_traces_as_they_are():
+    search = Beginning()
+    search._as_believed(("a@all",), np.array([1.5]), None)
+    assert search.done == [("replay", (("a@all", 1.5),), [0.0, 0.0]), ("fit", [0.0, 0.0, 1.5])]
 
 
 class Leading(RobotSearch):
@@ -316,6 +357,6 @@ def test_what_is_nowhere_better_than_it_was_stays():
 def test_an_effect_beside_others_must_gain_more():
     for nats, taken in ((0.5 * (NEEDED + BESIDE), False), (1.1 * BESIDE, True)):
         some = [replace(one, fit=fit(one.name, nats)) for one in gains(nats)]
-        assert Exact({})._that_holds(fit("", 0.0), gains(nats), ()) is not None
-        beside = Exact({})._that_holds(fit("other@all", 0.0), some, ())
+        assert holding(Exact({}), gains(nats)) is not None
+        beside = holding(Exact({}), some, now=fit("other@all", 0.0))
         assert (beside is not None) is taken
