@@ -100,6 +100,20 @@ def of_room(nuisances: Sequence[RobotNuisance], z: Sequence[float]) -> list[Addi
     ]
 
 
+def knob_of(
+    base: PhysicalRobot, one: Placed, nuisance: RobotNuisance, deviations: float
+) -> float | None:
+    """The knob at which an effect is what a nuisance is; ``None`` where it has another number."""
+    x = deviations * nuisance.deviation
+    same = of_room([nuisance], [deviations]) or _addition(base, nuisance.name, x, "")
+    for addition in same:
+        if addition.effect is one.effect:
+            z = one.knob.at(_within(one.parameter, addition.values[one.parameter.name]))
+            low, high = one.knob.bounds
+            return min(high, max(low, z))
+    return None
+
+
 def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addition]:
     word, _, where = name.partition(" ")
     if word == TIPS:

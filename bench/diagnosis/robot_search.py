@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .noise import Noise
+from .robot_exact import ExactFits
 from .robot_features import MEANS, RobotKind
-from .robot_fit import ENOUGH, RobotFit, Sight
+from .robot_fit import ENOUGH, RobotFit
 from .robot_gains import RobotFindings, RobotGain, levelled
-from .robot_improved import of_settings
+from .robot_improved import knob_of, of_settings
 from .robot_judging import judge, rmse_rad
 from .robot_model import RobotModel
 from .robot_screen import Screen, Screened, stretched, worth_fitting
@@ -38,13 +39,7 @@ MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
 AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
-WIDENED = 3  #: times at most that a curve is made longer for a fit
-PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
-SETTLED = 3  #: times at most that exact replays and a fit take turns
-REFINED = 2  #: times at most that what nuisances do is taken anew where a fit has led
-WORTH = 5.0  #: gain [nats] of the first of them from which there is another
-BEST = 2  #: effects of a step that are refined before one is chosen
-FAIR = 2  #: times at most that what an effect gains over is fitted again from where it has led
+BEST = 3  #: effects of a step that are tried, beside those that stand for a tolerance at its end
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 #: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
 #: much of it, are two valleys
@@ -53,7 +48,7 @@ SPRINGS = frozenset(
 )
 
 
-class RobotSearch:
+class RobotSearch(ExactFits):
     """A search on some recordings of a model, with some kinds of channels."""
 
     def __init__(
@@ -63,9 +58,8 @@ class RobotSearch:
         kinds: Iterable[RobotKind] = MEANS,
         say: Progress = lambda _: None,
     ) -> None:
-        self.model, self._say = model, say
-        self.which = list(range(len(model.features)) if which is None else which)
-        self.sight = Sight(model, self.which, kinds)
+        super().__init__(model, which, kinds)
+        self._say = say
 
     def run(
         self,
@@ -82,7 +76,7 @@ class RobotSearch:
         """
         model = self.model
         base = base or self.believed()
-        self._around(base)
+        self.around(base)
         first = self.screen(base)
         wanted = list(names) if names is not None else self._worth_looking(first)
         wanted = [name for name in wanted if model.placed[name].effect.name not in without]
@@ -94,8 +88,9 @@ class RobotSearch:
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
-                gains = self._roughly(now, gains, named, SPRINGS.intersection(wanted))
-                chosen, now = self._chosen(now, gains)
+                springs = self._springs(now, gains, SPRINGS.intersection(wanted))
+                gains = levelled([*gains, *springs])
+                chosen, now = self._chosen(now, gains, named)
                 base = base if now.names else now
                 tried.append(tuple(gains))
                 if chosen is None:
@@ -108,9 +103,10 @@ class RobotSearch:
                 if step + 1 < most:
                     ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
         except OutOfTimeError:
-            self._around(now)  # what was taken until then is told
+            self.around(now)  # what was taken until then is told
         pruned, taken = self._prune(now, taken)
         now = now if pruned is now else self.settle(pruned)
+        now, taken = self._standing(base, now, taken)
         return RobotFindings(
             base, now, tuple(taken), tuple(tried), alike, screened, self._rms(base), self._rms(now)
         )
@@ -118,160 +114,98 @@ class RobotSearch:
     def believed(self) -> RobotFit:
         """What the operator believes, with all that is never exactly so."""
         self._say("fitting what the operator believes")
-        return self.refined(self._begun((), np.empty(0)))
-
-    def _begun(
-        self,
-        names: Sequence[str],
-        knobs: Floats,
-        noise: Mapping[RobotKind, Noise] | None = None,
-        nuisances: Floats | None = None,
-    ) -> RobotFit:
-        """An exact fit that begins with all as believed (or ``nuisances``) but for its effects.
-
-        What nuisances do is taken there, and left so.
-        """
-        ordinary = np.zeros(len(self.model.nuisances)) if nuisances is None else nuisances
-        z = np.clip(np.concatenate([ordinary, knobs]), *self.sight.box(names))
-        at = RobotFit(tuple(names), z, noise or {}, np.inf)
-        self.model.retrace(at.settings, at.nuisances)
-        return self._led(at.names, at.z, noise)
-
-    def _led(
-        self, names: Sequence[str], z: Floats, noise: Mapping[RobotKind, Noise] | None
-    ) -> RobotFit:
-        """An exact fit that begins somewhere and goes by traces as they are."""
-        at = RobotFit(tuple(names), np.clip(z, *self.sight.box(names)), noise or {}, np.inf)
-        self.model.recentre(at.settings, at.nuisances, self.which)
-        return self.settle(self._fit(at.names, at.z, noise))
+        return self.thoroughly((), np.empty(0))
 
     def nothing(self, base: RobotFit) -> RobotFindings:
         """That what the operator believes is all there is to say."""
         rms = self._rms(base)
         return RobotFindings(base, base, (), (), {}, (), rms, rms)
 
-    def settle(self, found: RobotFit, begun: RobotFit | None = None) -> RobotFit:
-        """A fit whose replays are exact where it is: traces and curves only lead there.
+    def _chosen(
+        self, now: RobotFit, gains: list[RobotGain], named: Collection[str]
+    ) -> tuple[RobotGain | None, RobotFit]:
+        """The gain that holds best, if one does, and what it gains over.
 
-        Where they lead to worse than there was (``begun`` at first), it goes a part of that way.
+        That is fitted again from where the best of them has led. What was tried takes its place
+        among what was promised, the best first.
         """
-        best = begun
-        for _ in range(SETTLED):
-            exact = self._replayed(found)
-            if best is not None and exact.cost > best.cost - ENOUGH:
-                exact = self._replayed(replace(found, z=best.z + PART * (found.z - best.z)))
-                if exact.cost > best.cost - ENOUGH:
-                    break
-            best = exact
-            found = self._fit(exact.names, exact.z, exact.noise)
-        assert best is not None
-        self.model.recentre(best.settings, best.nuisances, self.which)
-        return best
-
-    def refined(self, settled: RobotFit) -> RobotFit:
-        """A settled fit that goes on with what nuisances do there, which is where that is left."""
-        for _ in range(REFINED):
-            before = settled.cost
-            self.model.retrace(settled.settings, settled.nuisances)
-            further = self._fit(settled.names, settled.z, settled.noise)
-            settled = self.settle(further, settled)
-            if settled.cost > before - WORTH:
-                break
-        return settled
-
-    def _around(self, found: RobotFit) -> None:
-        """Let the model be exact at a fit, and know what nuisances do there."""
-        self.model.retrace(found.settings, found.nuisances)
-        self.model.recentre(found.settings, found.nuisances, self.which)
-
-    def _replayed(self, found: RobotFit) -> RobotFit:
-        self.model.recentre(found.settings, found.nuisances, self.which)
-        return self.sight.at(found)
-
-    def _fit(
-        self, names: Sequence[str], start: Floats, noise: Mapping[RobotKind, Noise] | None
-    ) -> RobotFit:
-        """A fit whose knobs are not at the ends of their curves, which are made longer."""
-        found = self.sight.fit(names, start, noise)
-        for _ in range(WIDENED):
-            longer = [name for name, z in found.settings if self.model.curves.widen(name, z)]
-            if not longer:
-                break
-            found = self.sight.fit(names, found.z, found.noise)
-        return found
-
-    def _chosen(self, now: RobotFit, gains: list[RobotGain]) -> tuple[RobotGain | None, RobotFit]:
-        """The gain that holds best with what nuisances do there, if one does; what it gains over.
-
-        That is fitted again from where the best of them has led. Gains take their places among
-        the others, the best first.
-        """
+        few = self._tried(now, gains, named)
         plain, begun = self._left_out(now), self._whole_square(now)
-        few = self._anew(now, gains, plain)
         chosen = self._best(few, now, begun)
         if chosen is not None:
             self._say(f"replaying much of {chosen.name}")
-            far = self._with(chosen, now, self._from_far(chosen.fit), plain)
-            if far.nats > chosen.nats + ENOUGH and self._stands(far, now, begun):
+            fit = self.replayed(self.refined(chosen.fit, times=1))
+            far = self._with(chosen, now, self._from_far(fit), plain)
+            if far.nats > chosen.nats + ENOUGH and self._best([chosen, far], now, begun) is far:
                 few[few.index(chosen)] = chosen = far
-        for _ in range(FAIR):
-            if chosen is None:
-                break
+        asked: set[str] = set()
+        while chosen is not None and chosen.name not in asked:
+            asked.add(chosen.name)
             self._say(f"asking what is ordinary to do without {chosen.name}")
             nuisances = chosen.fit.nuisances
-            again = self.refined(self._begun(now.names, now.knobs, now.noise, nuisances))
+            again = self.thoroughly(now.names, now.knobs, now.noise, nuisances)
             if again.cost > now.cost - ENOUGH:
                 break
             now, plain = again, self._left_out(again)
             few = [self._with(gain, now, gain.fit, plain) for gain in few]
             chosen = self._best(few, now, self._whole_square(now))
-        for gain in few:
-            k = next(k for k, other in enumerate(gains) if other.name == gain.name)
-            gains[k] = gain
+        tried = {gain.name: gain for gain in few}
+        gains[:] = [tried.get(gain.name, gain) for gain in gains]
         gains.sort(key=lambda gain: -gain.deflated)
-        self._around(now if chosen is None else chosen.fit)
+        self.around(now if chosen is None else chosen.fit)
         return chosen, now
 
-    def _roughly(
-        self,
-        now: RobotFit,
-        promised: Sequence[RobotGain],
-        named: Collection[str],
-        springs: frozenset[str],
+    def _tried(
+        self, now: RobotFit, promised: Sequence[RobotGain], named: Collection[str]
     ) -> list[RobotGain]:
-        """Gains by exact replays that begin as believed, by traces as they are; best first.
+        """What promises most, and what stands for a tolerance at its end (``named``).
 
-        What stands for a tolerance at its end (``named``) is replayed whatever is ``promised``, and
-        so is much of each of some ``springs``. Gains are over what began in the same way.
+        Fits begin as believed but for what is taken, and each takes up what nuisances do where it
+        is: promises are wrong by more than what they are of.
+        """
+        plain = self._left_out(now)
+        beyond = self._beyond(now)
+        most = sorted(promised, key=lambda gain: -gain.nats)[:BEST]
+        few = []
+        for gain in promised:
+            if gain.name in named or (gain in most and gain.nats >= NEEDED):
+                self._say(f"trying {gain.name}")
+                knobs = np.append(now.knobs, beyond.get(gain.name, gain.fit.knobs[-1]))
+                fit = self.thoroughly(gain.fit.names, knobs, now.noise, times=1)
+                few.append(self._with(gain, now, fit, plain))
+        return few
+
+    def _beyond(self, now: RobotFit) -> dict[str, float]:
+        """Knobs of effects that stand for tolerances at their ends, twice as far as those go.
+
+        By traces and curves they would begin where there are no such tolerances, and go astray.
+        """
+        model = self.model
+        far = stretched(model.nuisances, now.nuisances)
+        found = {}
+        for nuisance, z in zip(model.nuisances, now.nuisances.tolist(), strict=True):
+            for name in far.intersection(nuisance.same):
+                knob = knob_of(model.base, model.placed[name], nuisance, 2.0 * z)
+                if knob is not None:
+                    found[name] = knob
+        return found
+
+    def _springs(
+        self, now: RobotFit, promised: Sequence[RobotGain], springs: frozenset[str]
+    ) -> list[RobotGain]:
+        """The best of some springs that were not promised, where much of it gains.
+
+        They are compared by traces as they are with all as believed, as is what they gain over.
         """
         level = self._as_believed(now.names, now.knobs, now.noise)
-        gains = {gain.name: gain for gain in promised}
-        for gain in promised:
-            if gain.nats >= NEEDED or gain.name in named:
-                self._say(f"replaying {gain.name} exactly")
-                exact = self._as_believed(gain.fit.names, gain.fit.knobs, now.noise)
-                gains[gain.name] = replace(gain, fit=exact, nats=level.cost - exact.cost)
-        for name in sorted(springs.difference(now.names)):
+        found = []
+        for name in sorted(springs.difference(now.names, (gain.name for gain in promised))):
             self._say(f"looking for much of {name}")
             *_, large = self.model.curves.tries(name)
-            at = self._as_believed((*now.names, name), np.append(now.knobs, large), now.noise)
-            nats = level.cost - at.cost
-            if nats >= NEEDED and (name not in gains or nats > gains[name].nats):
-                gains[name] = RobotGain(name, at, nats, self.sight.inflation(at, name), None)
-        return levelled(list(gains.values()))
-
-    def _anew(
-        self, now: RobotFit, gains: Sequence[RobotGain], plain: float | None
-    ) -> list[RobotGain]:
-        """The best few, with what nuisances do there; ``plain`` is as in :meth:`_with`."""
-        few = []
-        for gain in sorted(gains, key=lambda gain: -gain.deflated)[:BEST]:
-            if gain.nats >= NEEDED:
-                self._say(f"replaying what is ordinary beside {gain.name}")
-                fit = gain.fit
-                anew = self.refined(self._begun(fit.names, fit.knobs, fit.noise))
-                few.append(self._with(gain, now, anew, plain))
-        return few
+            fit = self._as_believed((*now.names, name), np.append(now.knobs, large), now.noise)
+            nats = level.cost - fit.cost
+            found.append(RobotGain(name, fit, nats, self.sight.inflation(fit, name), None))
+        return sorted((g for g in found if g.nats >= NEEDED), key=lambda g: -g.nats)[:1]
 
     def _as_believed(
         self, names: Sequence[str], knobs: Floats, noise: Mapping[RobotKind, Noise]
@@ -279,12 +213,16 @@ class RobotSearch:
         """A fit begun as believed, by traces as they are, of the first recording of each motion."""
         z = np.append(np.zeros(len(self.model.nuisances)), knobs)
         with self.model.following():
-            found = self._led(names, z, noise)
-        return self._replayed(found)
+            return self.led(names, z, noise)
 
     def _best(self, gains: Sequence[RobotGain], now: RobotFit, begun: float) -> RobotGain | None:
-        held = [gain for gain in gains if self._stands(gain, now, begun)]
-        return max(held, key=lambda gain: gain.deflated, default=None)
+        """The best that holds, of those first that make no whole recording much worse.
+
+        What is half of the truth may do that, and is taken until the rest is found as well.
+        """
+        held = [gain for gain in gains if self._holds(gain, now)]
+        stand = [gain for gain in held if self._whole_square(gain.fit) <= WORSE * begun]
+        return max(stand or held, key=lambda gain: gain.deflated, default=None)
 
     def _with(
         self, gain: RobotGain, now: RobotFit, exact: RobotFit, plain: float | None
@@ -292,10 +230,6 @@ class RobotSearch:
         """A gain by exact replays; ``plain`` is what left-out recordings make of ``now``."""
         outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
         return replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
-
-    def _stands(self, gain: RobotGain, now: RobotFit, begun: float) -> bool:
-        """Whether a gain holds, and no whole recording is much worse than ``begun`` [rad^2]."""
-        return self._holds(gain, now) and self._whole_square(gain.fit) <= WORSE * begun
 
     def _from_far(self, found: RobotFit) -> RobotFit:
         """An exact fit, or that from a large try of its last effect, if that is deeper.
@@ -307,8 +241,9 @@ class RobotSearch:
         for z in large:
             if found.z[-1] > 0.5 * z:
                 continue
-            there = self._begun(found.names, np.append(found.knobs[:-1], z), found.noise)
-            best = min(best, there, key=lambda fit: fit.cost)
+            with self.model.following():
+                there = self.begun(found.names, np.append(found.knobs[:-1], z), found.noise)
+            best = min(best, self.replayed(there), key=lambda fit: fit.cost)
         return best
 
     def _whole_square(self, found: RobotFit) -> float:
@@ -349,7 +284,7 @@ class RobotSearch:
         nothing = np.zeros(len(self.model.nuisances))
         self.model.retrace(now.settings, nothing)
         self.model.recentre(now.settings, nothing, self.which)
-        plain = self._fit(now.names, np.append(nothing, now.knobs), now.noise)
+        plain = self.fitted(now.names, np.append(nothing, now.knobs), now.noise)
         gains: list[RobotGain] = []
         for one in some:
             self._say(f"step {step + 1}: fitting {one.name}")
@@ -366,7 +301,7 @@ class RobotSearch:
         wanted = sorted({*starts, one.z} - {0.0})
         vectors = [np.clip(np.append(now.z, z), *box) for z in wanted]
         costs = [sight.cost(sight.blocks(names, z), now.noise) for z in vectors]
-        fitted = self._fit(names, vectors[int(np.argmin(costs))], now.noise)
+        fitted = self.fitted(names, vectors[int(np.argmin(costs))], now.noise)
         wide = sight.inflation(fitted, one.name)
         return RobotGain(one.name, fitted, now.cost - fitted.cost, wide, None)
 
@@ -413,6 +348,16 @@ class RobotSearch:
             if loss >= NEEDED:
                 break
             now, taken = without, [g for g in taken if g is not gain]
+        return now, taken
+
+    def _standing(
+        self, base: RobotFit, now: RobotFit, taken: list[RobotGain]
+    ) -> tuple[RobotFit, list[RobotGain]]:
+        """Effects that together make no whole recording much worse; the last go first."""
+        begun = self._whole_square(base) if taken else 0.0
+        while taken and self._whole_square(now) > WORSE * begun:
+            *taken, last = taken
+            now = self.settle(self.sight.without(now, last.name)) if taken else base
         return now, taken
 
     def _rms(self, found: RobotFit) -> float:

@@ -1,5 +1,5 @@
 import tomllib
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from walking_robots import believed, marvin
 from bench.diagnosis.result import Estimate
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_improved import (
+    knob_of,
     of_causes,
     of_nuisances,
     of_room,
@@ -85,6 +86,42 @@ def test_the_file_is_the_robot_that_was_replayed_whatever_its_nuisances():
         assert one.viscous_nm_s_rad == pytest.approx(other.viscous_nm_s_rad)
         assert replace(own.drive, friction=other) == expected.drive
     assert replace(found, joints=wanted.joints) == wanted
+
+
+def test_an_effect_that_a_nuisance_is_has_a_knob_at_which_it_is_that():
+    known, none = placed_effects(believed()), []
+    for nuisance in every():
+        deviations = nuisance.ends[1]
+        for name in nuisance.same:
+            knob = knob_of(believed(), known[name], nuisance, deviations)
+            if knob is None:
+                none.append(name)
+                continue
+            z = only(nuisance.name, deviations)
+            wanted = with_nuisances(believed(), every(), z)
+            found = known[name].apply(believed(), known[name].knob.value(knob))
+            own = [leg.foot.stiffness_n_m for leg in found.legs]
+            assert own == pytest.approx([leg.foot.stiffness_n_m for leg in wanted.legs]), name
+            if "foot_compliance" not in name:  # whose damping is typical
+                assert_alike(found, wanted)
+    assert none == ["payload@all", "punch@all"]
+
+
+def assert_alike(found, wanted):
+    one, other = flat(found), flat(wanted)
+    assert one.keys() == other.keys()
+    apart = [k for k, x in one.items() if isinstance(x, float) and x != pytest.approx(other[k])]
+    assert apart == []
+
+
+def flat(value, path=""):
+    if is_dataclass(value):
+        value = {f.name: getattr(value, f.name) for f in fields(value)}
+    if isinstance(value, tuple):
+        value = dict(enumerate(value))
+    if isinstance(value, dict):
+        return {k: v for name, x in value.items() for k, v in flat(x, f"{path}.{name}").items()}
+    return {path: value}
 
 
 def test_every_nuisance_that_is_the_robots_is_in_its_file():

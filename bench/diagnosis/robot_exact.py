@@ -1,0 +1,132 @@
+"""Fits of a whole robot whose replays are exact where they end.
+
+Traces and curves say which way to go; there the recordings are replayed, and the fit goes on from
+that, until nothing is gained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .noise import Noise
+from .robot_features import MEANS, RobotKind
+from .robot_fit import ENOUGH, RobotFit, Sight
+from .robot_model import RobotModel
+
+Floats = NDArray[np.float64]
+
+WIDENED = 3  #: times at most that a curve is made longer for a fit
+PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
+SETTLED = 3  #: times at most that exact replays and a fit take turns
+REFINED = 2  #: times at most that what nuisances do is taken anew where a fit has led
+WORTH = 5.0  #: gain [nats] of the first of them from which there is another
+
+
+class ExactFits:
+    """Fits of some recordings of a model, with some kinds of channels."""
+
+    def __init__(
+        self,
+        model: RobotModel,
+        which: Sequence[int] | None = None,
+        kinds: Iterable[RobotKind] = MEANS,
+    ) -> None:
+        self.model = model
+        self.which = list(range(len(model.features)) if which is None else which)
+        self.sight = Sight(model, self.which, kinds)
+
+    def thoroughly(
+        self,
+        names: Sequence[str],
+        knobs: Floats,
+        noise: Mapping[RobotKind, Noise] | None = None,
+        nuisances: Floats | None = None,
+        times: int = REFINED,
+    ) -> RobotFit:
+        """A fit begun as :meth:`begun` says, with what nuisances do where it leads.
+
+        Repeats of a motion follow the first of them until all are replayed in the end.
+        """
+        with self.model.following():
+            found = self.refined(self.begun(names, knobs, noise, nuisances), times)
+        return self.replayed(found)
+
+    def begun(
+        self,
+        names: Sequence[str],
+        knobs: Floats,
+        noise: Mapping[RobotKind, Noise] | None = None,
+        nuisances: Floats | None = None,
+    ) -> RobotFit:
+        """An exact fit that begins with all as believed (or ``nuisances``) but for its effects.
+
+        What nuisances do is taken there, and left so.
+        """
+        ordinary = np.zeros(len(self.model.nuisances)) if nuisances is None else nuisances
+        z = np.clip(np.concatenate([ordinary, knobs]), *self.sight.box(names))
+        at = RobotFit(tuple(names), z, noise or {}, np.inf)
+        self.model.retrace(at.settings, at.nuisances)
+        return self.led(at.names, at.z, noise)
+
+    def led(
+        self, names: Sequence[str], z: Floats, noise: Mapping[RobotKind, Noise] | None
+    ) -> RobotFit:
+        """An exact fit that begins somewhere and goes by traces as they are."""
+        at = RobotFit(tuple(names), np.clip(z, *self.sight.box(names)), noise or {}, np.inf)
+        self.model.recentre(at.settings, at.nuisances, self.which)
+        return self.settle(self.fitted(at.names, at.z, noise))
+
+    def settle(self, found: RobotFit, begun: RobotFit | None = None) -> RobotFit:
+        """A fit whose replays are exact where it is: traces and curves only lead there.
+
+        Where they lead to worse than there was (``begun`` at first), it goes a part of that way.
+        """
+        best = begun
+        for _ in range(SETTLED):
+            exact = self.replayed(found)
+            if best is not None and exact.cost > best.cost - ENOUGH:
+                exact = self.replayed(replace(found, z=best.z + PART * (found.z - best.z)))
+                if exact.cost > best.cost - ENOUGH:
+                    break
+            best = exact
+            found = self.fitted(exact.names, exact.z, exact.noise)
+        assert best is not None
+        self.model.recentre(best.settings, best.nuisances, self.which)
+        return best
+
+    def refined(self, settled: RobotFit, times: int = REFINED) -> RobotFit:
+        """A settled fit that goes on with what nuisances do there, which is where that is left."""
+        for _ in range(times):
+            before = settled.cost
+            self.model.retrace(settled.settings, settled.nuisances)
+            further = self.fitted(settled.names, settled.z, settled.noise)
+            settled = self.settle(further, settled)
+            if settled.cost > before - WORTH:
+                break
+        return settled
+
+    def around(self, found: RobotFit) -> None:
+        """Let the model be exact at a fit, and know what nuisances do there."""
+        self.model.retrace(found.settings, found.nuisances)
+        self.model.recentre(found.settings, found.nuisances, self.which)
+
+    def replayed(self, found: RobotFit) -> RobotFit:
+        """A fit as it is, told anew by replays of that very robot."""
+        self.model.recentre(found.settings, found.nuisances, self.which)
+        return self.sight.at(found)
+
+    def fitted(
+        self, names: Sequence[str], start: Floats, noise: Mapping[RobotKind, Noise] | None
+    ) -> RobotFit:
+        """A fit whose knobs are not at the ends of their curves, which are made longer."""
+        found = self.sight.fit(names, start, noise)
+        for _ in range(WIDENED):
+            longer = [name for name, z in found.settings if self.model.curves.widen(name, z)]
+            if not longer:
+                break
+            found = self.sight.fit(names, found.z, found.noise)
+        return found
