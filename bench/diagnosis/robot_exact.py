@@ -45,14 +45,13 @@ class ExactFits:
         knobs: Floats,
         noise: Mapping[RobotKind, Noise] | None = None,
         nuisances: Floats | None = None,
-        times: int = REFINED,
     ) -> RobotFit:
         """A fit begun as :meth:`begun` says, with what nuisances do where it leads.
 
         Repeats of a motion follow the first of them until all are replayed in the end.
         """
         with self.model.following():
-            found = self.refined(self.begun(names, knobs, noise, nuisances), times)
+            found = self.refined(self.begun(names, knobs, noise, nuisances))
         return self.replayed(found)
 
     def begun(

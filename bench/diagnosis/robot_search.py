@@ -39,7 +39,8 @@ MOST = 3  #: effects that are taken
 CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
 AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
-BEST = 3  #: effects of a step that are tried, beside those that stand for a tolerance at its end
+PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance at its end
+BEST = 2  #: of them that are fitted to the end
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 #: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
 #: much of it, are two valleys
@@ -126,16 +127,15 @@ class RobotSearch(ExactFits):
     ) -> tuple[RobotGain | None, RobotFit]:
         """The gain that holds best, if one does, and what it gains over.
 
-        That is fitted again from where the best of them has led. What was tried takes its place
-        among what was promised, the best first.
+        That is fitted again from where the best of them has led. What was tried takes the place of
+        what was promised, the best first.
         """
-        few = self._tried(now, gains, named)
+        tried = self._tried(now, gains, named)
         plain, begun = self._left_out(now), self._whole_square(now)
+        few = [self._with(gain, now, self._further(gain), plain) for gain in tried[:BEST]]
         chosen = self._best(few, now, begun)
         if chosen is not None:
-            self._say(f"replaying much of {chosen.name}")
-            fit = self.replayed(self.refined(chosen.fit, times=1))
-            far = self._with(chosen, now, self._from_far(fit), plain)
+            far = self._with(chosen, now, self._from_far(self._further(chosen)), plain)
             if far.nats > chosen.nats + ENOUGH and self._best([chosen, far], now, begun) is far:
                 few[few.index(chosen)] = chosen = far
         asked: set[str] = set()
@@ -149,31 +149,38 @@ class RobotSearch(ExactFits):
             now, plain = again, self._left_out(again)
             few = [self._with(gain, now, gain.fit, plain) for gain in few]
             chosen = self._best(few, now, self._whole_square(now))
-        tried = {gain.name: gain for gain in few}
-        gains[:] = [tried.get(gain.name, gain) for gain in gains]
-        gains.sort(key=lambda gain: -gain.deflated)
+        behind = [few[0].nats + tried[0].fit.cost - gain.fit.cost for gain in tried[BEST:]]
+        rest = [replace(g, nats=nats) for g, nats in zip(tried[BEST:], behind, strict=True)]
+        gains[:] = sorted([*few, *rest], key=lambda gain: -gain.deflated)
         self.around(now if chosen is None else chosen.fit)
         return chosen, now
 
     def _tried(
         self, now: RobotFit, promised: Sequence[RobotGain], named: Collection[str]
     ) -> list[RobotGain]:
-        """What promises most, and what stands for a tolerance at its end (``named``).
+        """What promises most, and what stands for a tolerance at its end (``named``); best first.
 
-        Fits begin as believed but for what is taken, and each takes up what nuisances do where it
-        is: promises are wrong by more than what they are of.
+        Fits begin as believed but for what is taken, and with what nuisances do there: promises are
+        wrong by more than what they are of.
         """
-        plain = self._left_out(now)
         beyond = self._beyond(now)
-        most = sorted(promised, key=lambda gain: -gain.nats)[:BEST]
-        few = []
+        most = sorted(promised, key=lambda gain: -gain.nats)[:PROMISED]
+        tried = []
         for gain in promised:
             if gain.name in named or (gain in most and gain.nats >= NEEDED):
                 self._say(f"trying {gain.name}")
                 knobs = np.append(now.knobs, beyond.get(gain.name, gain.fit.knobs[-1]))
-                fit = self.thoroughly(gain.fit.names, knobs, now.noise, times=1)
-                few.append(self._with(gain, now, fit, plain))
-        return few
+                with self.model.following():
+                    fit = self.begun(gain.fit.names, knobs, now.noise)
+                tried.append(replace(gain, fit=fit))
+        return sorted(tried, key=lambda gain: gain.fit.cost)
+
+    def _further(self, gain: RobotGain) -> RobotFit:
+        """A gain's fit with what nuisances do where it has come to."""
+        self._say(f"replaying what is ordinary beside {gain.name}")
+        with self.model.following():
+            fit = self.refined(gain.fit, times=1)
+        return self.replayed(fit)
 
     def _beyond(self, now: RobotFit) -> dict[str, float]:
         """Knobs of effects that stand for tolerances at their ends, twice as far as those go.
