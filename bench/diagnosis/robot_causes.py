@@ -61,7 +61,7 @@ def _rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> tuple[f
 
     fitted = _step(found, gain)
     for each in fitted:
-        seen(each.name, gain.deflated - each.deflated)
+        seen(each.name, gain.ahead_of(each))
     known = {each.name for each in fitted}
     for name, cosine in found.alike.get(gain.name, ()):
         if name not in known:  # what is left of a trace beside another is not taken by it
@@ -81,7 +81,7 @@ def close_rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> li
     return [
         each
         for each in _step(found, gain)
-        if model.placed[each.name].effect.name != kind and gain.deflated - each.deflated < CLOSE
+        if model.placed[each.name].effect.name != kind and gain.ahead_of(each) < CLOSE
     ]
 
 

@@ -199,14 +199,13 @@ class Work:
 
         Where the first name is taken back there is a second search without it, if there is time.
         """
-        enough = self.held.consistent
-        found = self.search.run(without=without, base=base, enough=enough)
+        found = self.search.run(without=without, base=base)
         taken, after, rejected = self.held.kept(found, self.tell)
         if not found.taken or found.taken[0] in taken:
             return found, taken, after, rejected
         without |= {self.model.placed[found.taken[0].name].effect.name}
         try:
-            found = self.search.run(without=without, base=base, enough=enough)
+            found = self.search.run(without=without, base=base)
         except OutOfTimeError:
             return found, taken, after, rejected
         taken, after, more = self.held.kept(found, self.tell)

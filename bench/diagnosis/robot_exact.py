@@ -97,9 +97,9 @@ class ExactFits:
         self.model.recentre(best.settings, best.nuisances, self.which)
         return best
 
-    def refined(self, settled: RobotFit, times: int = REFINED) -> RobotFit:
+    def refined(self, settled: RobotFit) -> RobotFit:
         """A settled fit that goes on with what nuisances do there, which is where that is left."""
-        for _ in range(times):
+        for _ in range(REFINED):
             before = settled.cost
             self.model.retrace(settled.settings, settled.nuisances)
             further = self.fitted(settled.names, settled.z, settled.noise)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 from sim.stepped import TICK_S
+from sim.tree import PhysicalRobot
 
 from .gait import Bins, Phase, commanded_lift, gait_phase
 from .observed import held_at
@@ -161,7 +162,7 @@ class Features:
         if self.height_bins is None or self.course.height is None:
             return found, np.empty(0), shaken
         seen_s = self.course.height[0]
-        heights = np.interp(seen_s, track.height_t_s, track.height_m) - track.rest_m
+        heights = np.interp(seen_s, track.look_t_s, track.height_m) - track.rest_m
         return found, self.height_bins.within(seen_s, track.span).mean(heights), shaken
 
     def speeds(self, track: Track) -> tuple[Floats, Floats]:
@@ -172,6 +173,16 @@ class Features:
         ]
         turned = [v * w for v, w in zip(speed, self.course.wait_s, strict=True)]
         return self.rows(speed), self.rows(turned)
+
+    def pressed(self, track: Track, robot: PhysicalRobot) -> Floats:
+        """Share of each row's samples at which the foot of its joint's leg pressed (rows,)."""
+        legs = [leg.name for leg in robot.legs]
+        values = []
+        for joint, t in zip(robot.joints, self.course.sample_s, strict=True):
+            look = np.searchsorted(track.look_t_s, t, side="right") - 1
+            look = np.clip(look, 0, len(track.look_t_s) - 1)
+            values.append(track.stands[look, legs.index(joint.leg)].astype(np.float64))
+        return self.rows(values)
 
     def scatter(self, track: Track) -> Floats:
         """Variance of each row's mean residual from its spread between turns [rad^2]."""

@@ -305,6 +305,10 @@ class RobotModel:
                 blocks[r, kind] = self.block(r, kind, self._data[r][kind] - rows)
         return blocks
 
+    def pressed(self, r: int) -> Floats:
+        """Share of each row's samples at which the leg's foot pressed, in the last exact replay."""
+        return self._exact[r].pressed
+
     def recorded(self, r: int, kind: RobotKind) -> Floats:
         """Rows of a recording as it was; NaN where nobody saw."""
         return self._data[r][kind]

@@ -26,27 +26,30 @@ Key = tuple[str, str]  #: a joint and a phase
 class Places:
     """Squares of something that is in rows of joints, by joint and phase.
 
+    ``stance`` is the share of each row in which its leg stands, by the number of a recording.
     ``ratio`` is the same over what noise and two engines make of it.
     """
 
-    def __init__(self, model: RobotModel, rows: Mapping[int, Floats]) -> None:
+    def __init__(
+        self, model: RobotModel, rows: Mapping[int, Floats], stance: Mapping[int, Floats]
+    ) -> None:
         self.names = [joint.name for joint in model.base.joints]
         floor = model.floors()[RobotKind.JOINTS] ** 2
         self.sums: dict[Key, float] = {}
         self.ratios: dict[Key, float] = {}
-        self.counts: dict[Key, int] = {}
+        self.counts: dict[Key, float] = {}
         for r, value in rows.items():
             features = model.features[r]
             extra = model.block(r, RobotKind.JOINTS, value).extra
             for j, joint in enumerate(self.names):
-                for phase, stands in (("stance", True), ("swing", False)):
-                    there = (features.joint_row == j) & (features.stance == stands)
+                own = features.joint_row == j
+                for phase, share in (("stance", stance[r][own]), ("swing", 1.0 - stance[r][own])):
                     key = joint, phase
-                    square = value[there] ** 2
+                    square = share * value[own] ** 2
                     self.sums[key] = self.sums.get(key, 0.0) + float(square.sum())
-                    ratio = float((square / (floor + extra[there])).sum())
+                    ratio = float((square / (floor + extra[own])).sum())
                     self.ratios[key] = self.ratios.get(key, 0.0) + ratio
-                    self.counts[key] = self.counts.get(key, 0) + int(there.sum())
+                    self.counts[key] = self.counts.get(key, 0.0) + float(share.sum())
 
     def chance(self, key: Key) -> float:
         """Of as much from noise and from what two engines differ by, times the places."""
@@ -83,11 +86,13 @@ class Places:
 def mismatch(model: RobotModel, left: Mapping[int, Floats]) -> tuple[dict[str, Any], ...]:
     """Where more is left than noise leaves, as ``diagnosis.json`` has it, the largest share first.
 
-    ``left`` is what is left of recordings, by their numbers. A place is a joint in stance or swing;
+    ``left`` is what is left of recordings, by their numbers. A place is a joint in stance or swing,
+    as the leg is told to;
     those of one kind stand together, but legs that stand out stand on their own. ``p_value`` is
     the chance of as much from noise and from two engines, times the number of places looked at.
     """
-    places = Places(model, left)
+    stance = {r: model.features[r].stance.astype(np.float64) for r in left}
+    places = Places(model, left, stance)
     rows = []
     for keys in places.kinds():
         telling = [k for k in keys if places.chance(k) < SIGNIFICANT]
@@ -103,9 +108,10 @@ def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], 
 
     ``by`` is how far it moves the rows of recordings. That it is there at all is shown by all of
     them together, so that a place is told whether or not it would show it alone: ``p_value`` may be
-    any. Told by that, what is spread over a gait would seem to be where feet press alone.
+    any. Told by that, what is spread over a gait would seem to be where feet press alone. A leg
+    stands where its foot presses in the last exact replays.
     """
-    places = Places(model, by)
+    places = Places(model, by, {r: model.pressed(r) for r in by})
     rows = []
     for keys in places.kinds():
         most = max(places.level(k) for k in keys)

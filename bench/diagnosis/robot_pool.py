@@ -53,6 +53,7 @@ class Outcome:
     speed_rad_s: Floats
     turn_rad: Floats
     scatter_rad2: Floats
+    pressed: Floats  #: share of samples at which the leg's foot pressed
 
 
 ROWS = tuple(field.name for field in fields(Outcome))
@@ -96,12 +97,13 @@ class _Bench:
         except PhysicsError:
             lost = np.full(len(found.bin), np.nan)
             height, shaken = (np.full(len(x), np.nan) for x in (found.height_m, found.shaken))
-            return Outcome(lost, height, shaken, lost, lost, lost)
+            return Outcome(lost, height, shaken, lost, lost, lost, lost)
         means = found.of_track(track)
         if job.short:
             none = np.empty(0)
-            return Outcome(*means, none, none, none)
-        return Outcome(*means, *found.speeds(track), found.scatter(track))
+            return Outcome(*means, none, none, none, none)
+        pressed = found.pressed(track, robot)
+        return Outcome(*means, *found.speeds(track), found.scatter(track), pressed)
 
 
 _bench: _Bench | None = None

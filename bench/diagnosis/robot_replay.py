@@ -24,7 +24,7 @@ from .commands import TURN, drive_commands
 Floats = NDArray[np.float64]
 
 HEIGHT = "mocap/base_z_m"  #: of the trunk; other outside channels depend on where one stands
-BASE_EVERY = 10  #: ticks between two looks at the trunk
+BASE_EVERY = 10  #: ticks between two looks at the trunk and at the feet
 LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
 #: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
 LATE_S = 0.0015
@@ -126,15 +126,18 @@ Span = tuple[float, float]  #: of a course [s]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """A replay: sensed joint angles every tick (ticks, joints), heights of the trunk [m].
+    """A replay: sensed joint angles every tick (ticks, joints), and what was looked at meanwhile.
 
-    ``rest_m`` is the height of the trunk before it moved. ``span`` are the instants of the course
-    at which the replay says something: not before it has settled, where it began in the middle.
+    ``height_m`` are heights of the trunk at ``look_t_s``, none where nobody asks; ``stands``
+    (looks, legs) is whether a foot pressed on the ground. ``rest_m`` is the height of the trunk
+    before it moved. ``span`` are the instants of the course at which the replay says something: not
+    before it has settled, where it began in the middle.
     """
 
     angle_rad: Floats
-    height_t_s: Floats
+    look_t_s: Floats
     height_m: Floats
+    stands: NDArray[np.bool_]
     rest_m: float
     from_s: float
     span: Span
@@ -167,12 +170,14 @@ class Jitter:
 class _Stage(SteppedPlant):
     """A plant that is told drive columns and remembers every tick."""
 
-    def play(self, course: Course, base: bool, rest_m: float, span: Span | None) -> Track:
-        """Run a course from its beginning, or a span of it."""
+    def play(
+        self, course: Course, feet: Sequence[str], base: bool, rest_m: float, span: Span | None
+    ) -> Track:
+        """Run a course from its beginning, or a span of it; ``feet`` are the bodies they are of."""
         from_s, to_s = span or (0.0, course.end_s)
         ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
         sensed = np.empty((ticks, len(self._names)))
-        heights = []
+        heights, stands = [], []
         # a command acts from the first tick after it, as behind the bus
         acts_s = _acts_s(course.events, self._delays_s) + LATE_S - from_s
         due = np.floor(acts_s / TICK_S + 1e-6).astype(int) + 1
@@ -186,16 +191,18 @@ class _Stage(SteppedPlant):
                 self.bank.commands[int(field), int(joint)] = value
                 k += 1
             sensed[tick] = self._joint_rad
-            if base and tick % BASE_EVERY == 0:
-                heights.append(self._engine.observe()[HEIGHT])
+            if tick % BASE_EVERY == 0:
+                ground = self._engine.contacts().ground_n
+                stands.append([ground.get(foot, 0.0) > 0.0 for foot in feet])
+                if base:
+                    heights.append(self._engine.observe()[HEIGHT])
             for _ in range(self._steps_per_tick):
                 self._step()
-        times = from_s + np.arange(len(heights), dtype=np.float64) * (BASE_EVERY * TICK_S)
+        times = from_s + np.arange(len(stands), dtype=np.float64) * (BASE_EVERY * TICK_S)
         settled = from_s + SETTLE_S if span else -np.inf
         angles = self._as_sensed(sensed)
-        return Track(
-            angles, times, np.array(heights), rest_m, from_s, (settled, to_s if span else np.inf)
-        )
+        told = settled, to_s if span else np.inf
+        return Track(angles, times, np.array(heights), np.array(stands, bool), rest_m, from_s, told)
 
     def _as_sensed(self, joint_rad: Floats) -> Floats:
         """What the servos' sensors make of the joints' angles, in the joints' frame."""
@@ -247,7 +254,8 @@ def play(
         steps = _steps_per_tick(robot, world)
         world.set_step(TICK_S / steps)
         stage = _Stage(robot, world, steps_per_tick=steps, substeps=SUBSTEPS)
-        return stage.play(course, course.height is not None, rest, span)
+        feet = [f"{leg.name}.{SEGMENTS[-1]}" for leg in robot.legs]
+        return stage.play(course, feet, course.height is not None, rest, span)
     finally:
         world.close()
 

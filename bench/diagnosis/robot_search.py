@@ -68,12 +68,11 @@ class RobotSearch(ExactFits):
         most: int = MOST,
         without: Collection[str] = (),
         base: RobotFit | None = None,
-        enough: Callable[[RobotFit], bool] = lambda _: False,
     ) -> RobotFindings:
         """Search among placed effects; all, and legs only where legs stand out, if None.
 
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
-        believes if that was fitted already. Where a fit is ``enough``, no further one is sought.
+        believes if that was fitted already.
         """
         model = self.model
         base = base or self.believed()
@@ -99,8 +98,6 @@ class RobotSearch(ExactFits):
                 alike[chosen.name] = self._alike(first, chosen, gains, wanted)
                 now = chosen.fit
                 taken.append(chosen)
-                if enough(now):
-                    break
                 if step + 1 < most:
                     ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
         except OutOfTimeError:
@@ -135,7 +132,8 @@ class RobotSearch(ExactFits):
         few = [self._with(gain, now, self._further(gain), plain) for gain in tried[:BEST]]
         chosen = self._best(few, now, begun)
         if chosen is not None:
-            far = self._with(chosen, now, self._from_far(self._further(chosen)), plain)
+            self._say(f"replaying much of {chosen.name}")
+            far = self._with(chosen, now, self._from_far(chosen.fit), plain)
             if far.nats > chosen.nats + ENOUGH and self._best([chosen, far], now, begun) is far:
                 few[few.index(chosen)] = chosen = far
         asked: set[str] = set()
@@ -179,7 +177,7 @@ class RobotSearch(ExactFits):
         """A gain's fit with what nuisances do where it has come to."""
         self._say(f"replaying what is ordinary beside {gain.name}")
         with self.model.following():
-            fit = self.refined(gain.fit, times=1)
+            fit = self.refined(gain.fit)
         return self.replayed(fit)
 
     def _beyond(self, now: RobotFit) -> dict[str, float]:
@@ -340,7 +338,7 @@ class RobotSearch(ExactFits):
     ) -> tuple[tuple[str, float], ...]:
         found = dict(screen.alike(chosen.name, names))
         for gain in gains:
-            if gain.name != chosen.name and chosen.deflated - gain.deflated < CLOSE:
+            if gain.name != chosen.name and chosen.ahead_of(gain) < CLOSE:
                 found.setdefault(gain.name, 1.0)
         return tuple(sorted(found.items(), key=lambda pair: -abs(pair[1])))
 

@@ -10,12 +10,12 @@ from bench.diagnosis.rivals import CLOSE
 from bench.diagnosis.robot_causes import ENGINES_SHARE, cause_of, close_rivals
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import RobotGain, levelled
+from bench.diagnosis.robot_gains import APART_NATS, RobotGain, levelled
 from bench.diagnosis.robot_next import HEAVIER, menu
 
 OWN = "foot_compliance@all"
 NEAR, FAR, SAME = "joint_compliance@all", "backlash@tibia", "foot_compliance@leg1"
-NATS = {OWN: 40.0, NEAR: 40.0 - 0.5 * CLOSE, FAR: 10.0, SAME: 39.0}
+NATS = {OWN: 60.0, NEAR: 60.0 - APART_NATS - 0.5 * CLOSE, FAR: 10.0, SAME: 59.0}
 
 
 def gain(name, nats):
@@ -62,6 +62,13 @@ def test_rivals_are_other_effects_that_came_close():
 def test_what_looks_the_same_and_was_not_fitted_is_a_rival_too():
     effects = [r.effect for r in cause((("payload@all", 0.999),)).indistinguishable_from]
     assert effects == ["payload", "joint_compliance"]
+
+
+@pytest.mark.parametrize(("nats", "ahead"), [(90.0, -2.5), (65.0, 0.0), (45.0, 0.0), (30.0, 2.5)])
+def test_what_beginnings_make_of_fits_puts_none_ahead_of_another(nats, ahead):
+    one = RobotGain(OWN, gain(OWN, 0.0).fit, 60.0, 4.0, None)
+    assert APART_NATS == 20.0
+    assert one.ahead_of(gain(FAR, nats)) == ahead
 
 
 def test_what_looks_the_same_but_was_fitted_and_is_far_behind_is_none():

@@ -10,6 +10,8 @@ from bench.diagnosis.robot_places import LEAST, mismatch, moved
 JOINTS = [f"leg{n}.{part}" for n in (1, 2, 3) for part in ("coxa", "femur", "tibia")]
 BINS = 24
 STANCE = np.tile(np.arange(BINS) < 14, len(JOINTS))
+PRESSED = np.tile(np.where(np.arange(BINS) < 13, 1.0, 0.0), len(JOINTS))  #: it lifts its foot early
+PRESSED[12::BINS] = 0.5
 NOISE_RAD = 1e-3
 
 
@@ -27,6 +29,9 @@ class Stood:
     def block(self, r, kind, value):
         t = np.arange(len(value)) * 1.0
         return Block(t, value, 0.0 * t)
+
+    def pressed(self, r):
+        return PRESSED
 
 
 def told(value):
@@ -73,10 +78,19 @@ def test_shares_are_of_the_whole_misfit():
 
 def test_what_is_named_is_told_where_it_moves_joints_however_little():
     femurs = [name for name in JOINTS if name.endswith("femur")]
-    (place,) = shifted(0.1 * NOISE_RAD * (rows_of(femurs) & STANCE))
+    (place,) = shifted(0.1 * NOISE_RAD * (rows_of(femurs) & (PRESSED == 1.0)))
     assert (place["joints"], place["phase"]) == (femurs, "stance")
     assert place["share"] == pytest.approx(1.0)
     assert place["p_value"] == pytest.approx(1.0)
+
+
+def test_what_is_named_is_told_by_where_feet_press_and_not_by_what_legs_are_told():
+    femurs = [name for name in JOINTS if name.endswith("femur")]
+    lifted_early = rows_of(femurs) & STANCE & (PRESSED < 1.0)
+    stance, swing = sorted(shifted(NOISE_RAD * lifted_early), key=lambda place: place["phase"])
+    assert (stance["phase"], swing["phase"]) == ("stance", "swing")
+    assert stance["share"] == pytest.approx(0.25)  # half of one bin, and another bin
+    assert swing["share"] == pytest.approx(0.75)
 
 
 def test_joints_that_a_named_effect_hardly_moves_are_not_told():

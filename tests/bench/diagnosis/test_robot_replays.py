@@ -44,6 +44,24 @@ def test_a_replay_is_the_same_again_and_another_start_changes_it_little(plain):
     assert np.sqrt(np.mean(moved**2)) < 0.1 * told.quantum_rad
 
 
+def test_feet_press_where_legs_are_told_to_stand_and_not_in_the_air(plain):
+    features = Features.of(walked(), marvin())
+    pressed = features.pressed(plain, believed())
+    assert ((pressed >= 0.0) & (pressed <= 1.0)).all()
+    told = features.stance
+    assert pressed[told].mean() > 0.8
+    assert pressed[~told].mean() < 0.2
+    legs = [joint.leg for joint in believed().joints]
+    of_leg = [pressed[features.joint_row == j] for j in range(len(legs))]
+    by_leg = {
+        leg: np.array([r for r, own in zip(of_leg, legs, strict=True) if own == leg])
+        for leg in legs
+    }
+    # joints of a leg are read at instants of their own, but stand together
+    assert all(np.ptp(rows, axis=0).mean() < 0.1 for rows in by_leg.values())
+    assert np.ptp([rows.mean(axis=0) for rows in by_leg.values()], axis=0).max() > 0.5
+
+
 def test_a_sensor_turned_on_its_shaft_is_read_turned(plain):
     offset = 0.05
     turned = placed_zero(believed(), "leg1.femur", offset)

@@ -55,7 +55,7 @@ def test_what_was_found_is_told_whatever_the_time(cut):
     )
     work = Work(model, None, [0], [1], "", late, told.append)
 
-    def run(without, base, enough):
+    def run(without, base):
         if cut and searches:
             late("replaying effects")
         searches.append(without)

@@ -120,7 +120,7 @@ class Exact(RobotSearch):
     def _beyond(self, now):
         return self.far
 
-    def refined(self, settled, times=0):
+    def refined(self, settled):
         return replace(settled, cost=settled.cost - self.more.get(settled.names, 0.0))
 
     def begun(self, names, knobs, noise=None, nuisances=None):
