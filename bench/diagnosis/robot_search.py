@@ -83,7 +83,7 @@ class RobotSearch(ExactFits):
         self._say(f"replaying {len(wanted)} effects")
         ranking = first.rank(wanted)
         screened = tuple(ranking)
-        now, taken, tried, alike = base, [], [], {}
+        now, taken, tried = base, [], []
         try:
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
@@ -95,13 +95,16 @@ class RobotSearch(ExactFits):
                 tried.append(tuple(gains))
                 if chosen is None:
                     break
-                alike[chosen.name] = self._alike(first, chosen, gains, wanted)
                 now = chosen.fit
                 taken.append(chosen)
                 if step + 1 < most:
                     ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
+            now = self._exchanged(now, taken, tried)
         except OutOfTimeError:
             self.around(now)  # what was taken until then is told
+        alike = {
+            g.name: self._alike(first, g, s, wanted) for g, s in zip(taken, tried, strict=False)
+        }
         pruned, taken = self._prune(now, taken)
         now = now if pruned is now else self.settle(pruned)
         now, taken = self._standing(base, now, taken)
@@ -152,6 +155,34 @@ class RobotSearch(ExactFits):
         gains[:] = sorted([*few, *rest], key=lambda gain: -gain.deflated)
         self.around(now if chosen is None else chosen.fit)
         return chosen, now
+
+    def _exchanged(
+        self, now: RobotFit, taken: list[RobotGain], tried: list[tuple[RobotGain, ...]]
+    ) -> RobotFit:
+        """The best of each step but the last, or the next best where that does better in the end.
+
+        What was found later may have decided between them.
+        """
+        for k, gain in enumerate(taken[:-1]):
+            other = next((each for each in tried[k] if each.name not in now.names), None)
+            if other is None:
+                continue
+            self._say(f"trying {other.name} in place of {gain.name}")
+            at, knobs = now.names.index(gain.name), now.knobs.copy()
+            knobs[at] = other.fit.knobs[-1]
+            names = (*now.names[:at], other.name, *now.names[at + 1 :])
+            fit = self.thoroughly(names, knobs, now.noise)
+            if fit.cost > now.cost - ENOUGH:
+                continue
+            before, after = self._left_out(now), self._left_out(fit)
+            outside = None if before is None or after is None else before - after
+            if outside is not None and gain.held_out is not None:
+                outside += gain.held_out
+            nats = gain.nats + now.cost - fit.cost
+            taken[k], now = replace(other, fit=fit, nats=nats, held_out=outside), fit
+            tried[k] = (taken[k], *(each for each in tried[k] if each is not other))
+        self.around(now)
+        return now
 
     def _tried(
         self, now: RobotFit, promised: Sequence[RobotGain], named: Collection[str]

@@ -219,6 +219,30 @@ def test_what_stands_for_a_tolerance_begins_beyond_its_end():
     assert tried == [(some[0].name, 0.0), (some[1].name, 5.0)]
 
 
+@pytest.mark.parametrize(("gained", "first"), [(60.0, "effect1@all"), (40.0, "effect0@all")])
+def test_the_next_best_takes_its_place_if_it_does_better_beside_what_was_found_later(gained, first):
+    steps = [tuple(gains(30.0, 20.0)), (gains(20.0, 5.0, 50.0)[2],)]
+    taken, tried = [step[0] for step in steps], list(steps)
+    both = RobotFit(("effect0@all", "effect2@all"), np.zeros(2), {}, -50.0)
+    search = Exact({})
+    search.promised = {("effect1@all", "effect2@all"): gained}
+    now = search._exchanged(both, taken, tried)
+    assert now.names == (first, "effect2@all")
+    assert now.cost == -max(50.0, gained)
+    assert taken[0].name == tried[0][0].name == first
+    assert taken[0] is tried[0][0]  # by which its rivals are found
+    assert {gain.name for gain in tried[0]} == {"effect0@all", "effect1@all"}
+    assert taken[0].nats == 30.0 + max(0.0, gained - 50.0)
+    assert search.last is now
+
+
+def test_what_was_found_alone_is_exchanged_for_nothing():
+    search, now = Exact({}), fit("effect0@all", 30.0)
+    some = gains(30.0, 20.0)
+    assert search._exchanged(now, some[:1], [tuple(some)]) is now
+    assert search.said == []
+
+
 def test_the_best_few_are_compared_by_what_is_ordinary_beside_each_of_them():
     some = gains(*(30.0 - k for k in range(BEST + 1)))
     more = {gain.fit.names: 10.0 * k for k, gain in enumerate(some)}
