@@ -88,11 +88,12 @@ class RobotSearch(ExactFits):
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
-                springs = self._springs(now, gains, SPRINGS.intersection(wanted))
-                gains = levelled([*gains, *springs])
-                chosen, now = self._chosen(now, gains, named)
+                for spring in self._spring(now, SPRINGS.intersection(wanted)):
+                    named |= {spring.name}
+                    gains = [spring, *(gain for gain in gains if gain.name != spring.name)]
+                chosen, now, fitted = self._chosen(now, levelled(gains), named)
                 base = base if now.names else now
-                tried.append(tuple(gains))
+                tried.append(fitted)
                 if chosen is None:
                     break
                 now = chosen.fit
@@ -123,14 +124,13 @@ class RobotSearch(ExactFits):
         return RobotFindings(base, base, (), (), {}, (), rms, rms)
 
     def _chosen(
-        self, now: RobotFit, gains: list[RobotGain], named: Collection[str]
-    ) -> tuple[RobotGain | None, RobotFit]:
-        """The gain that holds best, if one does, and what it gains over.
+        self, now: RobotFit, promised: Sequence[RobotGain], named: Collection[str]
+    ) -> tuple[RobotGain | None, RobotFit, tuple[RobotGain, ...]]:
+        """The gain that holds best, if one does; what it gains over; all that was tried.
 
-        That is fitted again from where the best of them has led. What was tried takes the place of
-        what was promised, the best first.
+        What it gains over is fitted again from where the best of them has led. The best is first.
         """
-        tried = self._tried(now, gains, named)
+        tried = self._tried(now, promised, named)
         plain, begun = self._left_out(now), self._whole_square(now)
         few = [self._with(gain, now, self._further(gain), plain) for gain in tried[:BEST]]
         chosen = self._best(few, now, begun)
@@ -152,9 +152,8 @@ class RobotSearch(ExactFits):
             chosen = self._best(few, now, self._whole_square(now))
         behind = [few[0].nats + tried[0].fit.cost - gain.fit.cost for gain in tried[BEST:]]
         rest = [replace(g, nats=nats) for g, nats in zip(tried[BEST:], behind, strict=True)]
-        gains[:] = sorted([*few, *rest], key=lambda gain: -gain.deflated)
         self.around(now if chosen is None else chosen.fit)
-        return chosen, now
+        return chosen, now, tuple(sorted([*few, *rest], key=lambda gain: -gain.deflated))
 
     def _exchanged(
         self, now: RobotFit, taken: list[RobotGain], tried: list[tuple[RobotGain, ...]]
@@ -226,22 +225,20 @@ class RobotSearch(ExactFits):
                     found[name] = knob
         return found
 
-    def _springs(
-        self, now: RobotFit, promised: Sequence[RobotGain], springs: frozenset[str]
-    ) -> list[RobotGain]:
-        """The best of some springs that were not promised, where much of it gains.
+    def _spring(self, now: RobotFit, springs: frozenset[str]) -> list[RobotGain]:
+        """Of some springs the one of which much does best, if one is left.
 
         They are compared by traces as they are with all as believed, as is what they gain over.
         """
         level = self._as_believed(now.names, now.knobs, now.noise)
         found = []
-        for name in sorted(springs.difference(now.names, (gain.name for gain in promised))):
+        for name in sorted(springs.difference(now.names)):
             self._say(f"looking for much of {name}")
             *_, large = self.model.curves.tries(name)
             fit = self._as_believed((*now.names, name), np.append(now.knobs, large), now.noise)
             nats = level.cost - fit.cost
             found.append(RobotGain(name, fit, nats, self.sight.inflation(fit, name), None))
-        return sorted((g for g in found if g.nats >= NEEDED), key=lambda g: -g.nats)[:1]
+        return sorted(found, key=lambda gain: -gain.nats)[:1]
 
     def _as_believed(
         self, names: Sequence[str], knobs: Floats, noise: Mapping[RobotKind, Noise]

@@ -192,8 +192,8 @@ def test_what_promises_most_and_what_stands_for_a_tolerance_is_tried():
     every = (*range(PROMISED + 2), 0.5 * NEEDED)
     some = gains(*(1.1 * NEEDED - 0.01 * k for k in every[:-1]), every[-1])
     for named, tried in (((), some[:PROMISED]), ((some[-1].name,), [*some[:PROMISED], some[-1]])):
-        search, found = Exact({}), list(some)
-        holding(search, found, named=named)
+        search = Exact({})
+        *_, found = chosen(search, list(some), named=named)
         assert search.said[: len(tried)] == [gain.name for gain in tried]
         assert [gain.name for gain in found] == [gain.name for gain in tried]  # and no other
         assert [gain.nats for gain in found] == pytest.approx([gain.nats for gain in tried])
@@ -205,9 +205,9 @@ def test_what_promises_most_and_what_stands_for_a_tolerance_is_tried():
 def test_what_was_not_fitted_to_the_end_is_as_far_behind_the_best_as_it_was_before():
     some = gains(*(60.0 - 10.0 * k for k in range(BEST + 1)))
     more = {some[0].fit.names: 5.0}
-    taken = holding(Exact({}, refined=more), some)
+    taken, _, found = chosen(Exact({}, refined=more), some)
     assert taken.nats >= 65.0
-    assert some[BEST].nats == pytest.approx(taken.nats - 10.0 * BEST)
+    assert found[BEST].nats == pytest.approx(taken.nats - 10.0 * BEST)
 
 
 def test_what_stands_for_a_tolerance_begins_beyond_its_end():
@@ -319,25 +319,25 @@ def test_traces_are_taken_anew_while_that_is_worth_it():
 def test_what_is_taken_is_looked_for_from_far_too(found_there):
     search = Exact({}, [8.0], found_there)
     some = gains(30.0, 20.0)
-    taken = holding(search, some)
+    taken, _, found = chosen(search, some)
     assert taken.nats == max(30.0, found_there)
-    assert any(taken is gain for gain in some)
+    assert any(taken is gain for gain in found)  # by which its rivals are found
 
 
 def test_what_is_ordinary_may_begin_where_an_effect_has_led():
     for ordinary, left in ((0.0, 30.0), (10.0, 20.0), (30.0 - 0.9 * NEEDED, None)):
         some = gains(30.0, 5.0)
         search = Exact({}, ordinary=ordinary)
-        taken, now = chosen(search, some)
+        taken, now, found = chosen(search, some)
         assert (None if taken is None else taken.nats) == left
         assert now.cost == -ordinary
-        assert some[0].nats == pytest.approx(30.0 - ordinary)
+        assert found[0].nats == pytest.approx(30.0 - ordinary)
         assert search.last is (now if taken is None else taken.fit)
 
 
 def test_where_nothing_holds_what_is_ordinary_stays_as_it_was():
     search, begun = Exact({}, ordinary=99.0), fit("", 0.0)
-    assert chosen(search, gains(0.9 * NEEDED), begun) == (None, begun)
+    assert chosen(search, gains(0.9 * NEEDED), begun) == (None, begun, ())
     assert search.last is begun
 
 
@@ -347,25 +347,19 @@ def test_what_was_found_far_away_is_not_looked_for_there_again():
     assert search._from_far(far) is far
 
 
-def test_much_of_the_best_spring_is_looked_for_though_nothing_promises_it():
-    there = {"joint_compliance@femur": 1.1 * NEEDED, "joint_compliance@tibia": NEEDED}
+def test_much_of_the_best_spring_is_looked_for_whatever_it_gains():
+    there = {"joint_compliance@femur": -2.0, "joint_compliance@tibia": -3.0}
+    there |= dict.fromkeys(SPRINGS.difference(there), -4.0)
     search, now = Rough(there, level=-50.0), fit("tips@all", 0.0)
-    (spring,) = search._springs(now, gains(30.0), SPRINGS)
-    assert spring.nats == pytest.approx(1.1 * NEEDED)
+    (spring,) = search._spring(now, SPRINGS)
+    assert spring.nats == pytest.approx(-2.0)
     assert spring.fit.settings == (("tips@all", 0.0), ("joint_compliance@femur", 6.0))
     assert (("tips@all", "joint_compliance@femur"), [0.0, 8.0]) in search.tried
 
 
-def test_a_spring_that_does_not_do_better_is_none():
-    search = Rough({"joint_compliance@femur": 0.9 * NEEDED}, level=-50.0)
-    assert search._springs(fit("", 0.0), [], SPRINGS) == []
-
-
-def test_a_spring_that_is_named_or_promised_is_not_looked_for_again():
-    names = sorted(SPRINGS)[:2]
-    promised = [RobotGain(names[1], fit(names[1], 9.0), 9.0, 1.0, None)]
-    search = Rough(dict.fromkeys(names, 99.0))
-    assert search._springs(fit(names[0], 0.0), promised, frozenset(names)) == []
+def test_a_spring_that_is_named_is_not_looked_for_again():
+    (name, *_) = SPRINGS
+    assert Rough({name: 99.0})._spring(fit(name, 0.0), frozenset({name})) == []
 
 
 class Beginning(RobotSearch):
