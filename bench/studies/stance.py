@@ -87,7 +87,7 @@ class Answer:
         for gain in found.taken:
             own = gain.name.partition("@")[0]
             (step,) = (s for s in found.tried if any(g is gain for g in s))
-            close = {g.name.partition("@")[0] for g in step if gain.deflated - g.deflated < CLOSE}
+            close = {g.name.partition("@")[0] for g in step if gain.ahead_of(g) < CLOSE}
             for one, other in ((CONTACT_CLASS, JOINT_CLASS), (JOINT_CLASS, CONTACT_CLASS)):
                 if own in one and not close.isdisjoint(other):
                     return True
