@@ -44,9 +44,9 @@ class ShakingSearch(RobotSearch):
     """A search on shaking alone: springs have no two valleys there, and samples are chance."""
 
     def _with_springs(
-        self, gains: Sequence[RobotGain], now: RobotFit, springs: frozenset[str]
+        self, now: RobotFit, promised: Sequence[RobotGain], springs: frozenset[str]
     ) -> list[RobotGain]:
-        return list(gains)
+        return list(promised)
 
     def _from_far(self, found: RobotFit) -> RobotFit:
         return found

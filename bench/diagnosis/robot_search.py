@@ -12,13 +12,12 @@ best of them has led, as what begins elsewhere may end deeper by itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .noise import Noise
 from .robot_exact import ExactFits
 from .robot_features import MEANS, RobotKind
 from .robot_fit import ENOUGH, RobotFit
@@ -88,10 +87,8 @@ class RobotSearch(ExactFits):
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
-                for spring in self._spring(now, SPRINGS.intersection(wanted)):
-                    named |= {spring.name}
-                    gains = [spring, *(gain for gain in gains if gain.name != spring.name)]
-                chosen, now, fitted = self._chosen(now, levelled(gains), named)
+                gains = self._with_springs(now, gains, SPRINGS.intersection(wanted))
+                chosen, now, fitted = self._chosen(now, gains, named | SPRINGS)
                 base = base if now.names else now
                 tried.append(fitted)
                 if chosen is None:
@@ -225,28 +222,16 @@ class RobotSearch(ExactFits):
                     found[name] = knob
         return found
 
-    def _spring(self, now: RobotFit, springs: frozenset[str]) -> list[RobotGain]:
-        """Of some springs the one of which much does best, if one is left.
-
-        They are compared by traces as they are with all as believed, as is what they gain over.
-        """
-        level = self._as_believed(now.names, now.knobs, now.noise)
-        found = []
+    def _with_springs(
+        self, now: RobotFit, promised: Sequence[RobotGain], springs: frozenset[str]
+    ) -> list[RobotGain]:
+        """What is promised, and much of each of some springs, whatever is promised of them."""
+        found = [gain for gain in promised if gain.name not in springs]
         for name in sorted(springs.difference(now.names)):
-            self._say(f"looking for much of {name}")
             *_, large = self.model.curves.tries(name)
-            fit = self._as_believed((*now.names, name), np.append(now.knobs, large), now.noise)
-            nats = level.cost - fit.cost
-            found.append(RobotGain(name, fit, nats, self.sight.inflation(fit, name), None))
-        return sorted(found, key=lambda gain: -gain.nats)[:1]
-
-    def _as_believed(
-        self, names: Sequence[str], knobs: Floats, noise: Mapping[RobotKind, Noise]
-    ) -> RobotFit:
-        """A fit begun as believed, by traces as they are, of the first recording of each motion."""
-        z = np.append(np.zeros(len(self.model.nuisances)), knobs)
-        with self.model.following():
-            return self.led(names, z, noise)
+            fit = replace(now, names=(*now.names, name), z=np.append(now.z, large))
+            found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
+        return levelled(found)
 
     def _best(self, gains: Sequence[RobotGain], now: RobotFit, begun: float) -> RobotGain | None:
         """The best that holds, of those first that make no whole recording much worse.

@@ -251,25 +251,6 @@ def test_the_best_few_are_compared_by_what_is_ordinary_beside_each_of_them():
     assert taken.nats >= 30.0 + 9.0 * (BEST - 1)
 
 
-class Rough(RobotSearch):
-    """A search in which fits by traces as they are gain as given, by name, and end at 6."""
-
-    def __init__(self, there, level=0.0):
-        curves = SimpleNamespace(tries=lambda name: [1.0, 8.0])
-        self.model = SimpleNamespace(curves=curves)
-        self.sight = SimpleNamespace(inflation=lambda fit, name: 2.0)
-        self.there, self.level, self.tried = there, level, []
-
-    def _say(self, stage):
-        pass
-
-    def _as_believed(self, names, knobs, noise):
-        self.tried.append((tuple(names), list(knobs)))
-        knobs = np.append(knobs[:-1], 6.0) if len(knobs) else np.asarray(knobs)
-        gained = self.there.get(names[-1], 0.0) if names else 0.0
-        return RobotFit(tuple(names), knobs, noise, self.level - gained)
-
-
 class Strained(RobotSearch):
     """A search whose believed fit has its tolerances where they are told."""
 
@@ -347,19 +328,30 @@ def test_what_was_found_far_away_is_not_looked_for_there_again():
     assert search._from_far(far) is far
 
 
-def test_much_of_the_best_spring_is_looked_for_whatever_it_gains():
-    there = {"joint_compliance@femur": -2.0, "joint_compliance@tibia": -3.0}
-    there |= dict.fromkeys(SPRINGS.difference(there), -4.0)
-    search, now = Rough(there, level=-50.0), fit("tips@all", 0.0)
-    (spring,) = search._spring(now, SPRINGS)
-    assert spring.nats == pytest.approx(-2.0)
-    assert spring.fit.settings == (("tips@all", 0.0), ("joint_compliance@femur", 6.0))
-    assert (("tips@all", "joint_compliance@femur"), [0.0, 8.0]) in search.tried
+def sprung(now, promised, springs=SPRINGS):
+    search = Exact({}, [8.0])
+    search.sight = SimpleNamespace(inflation=lambda fit, name: 1.0)
+    return search, search._with_springs(now, promised, springs)
 
 
-def test_a_spring_that_is_named_is_not_looked_for_again():
+def test_much_of_every_spring_is_tried_whatever_is_promised():
+    now, little = fit("tips@all", 0.0), gains(30.0)
+    little += [RobotGain(name, fit(name, 1.0), 1.0, 1.0, None) for name in sorted(SPRINGS)[:1]]
+    search, found = sprung(now, little)
+    assert {gain.name for gain in found} == {little[0].name, *SPRINGS}
+    springs = [gain for gain in found if gain.name in SPRINGS]
+    assert [gain.fit.settings for gain in springs] == [
+        (("tips@all", 0.0), (gain.name, 8.0)) for gain in springs
+    ]
+    begun = []
+    search.begun = lambda names, knobs, *_: begun.append((names[-1], knobs[-1])) or now
+    search._tried(now, found, SPRINGS)
+    assert {(name, 8.0) for name in SPRINGS} <= set(begun)
+
+
+def test_a_spring_that_is_named_is_not_tried_again():
     (name, *_) = SPRINGS
-    assert Rough({name: 99.0})._spring(fit(name, 0.0), frozenset({name})) == []
+    assert sprung(fit(name, 0.0), [], frozenset({name}))[1] == []
 
 
 class Beginning(RobotSearch):
@@ -396,12 +388,6 @@ def test_a_hypothesis_begins_as_believed_or_where_it_is_told(nuisances, there):
     at = (("a@all", 1.5),)
     assert found.settings == at
     assert search.done == [("traces", at, there), ("replay", at, there), ("fit", [*there, 1.5])]
-
-
-def test_what_is_compared_first_begins_as_believed_by_traces_as_they_are():
-    search = Beginning()
-    search._as_believed(("a@all",), np.array([1.5]), None)
-    assert search.done == [("replay", (("a@all", 1.5),), [0.0, 0.0]), ("fit", [0.0, 0.0, 1.5])]
 
 
 class Leading(ExactFits):

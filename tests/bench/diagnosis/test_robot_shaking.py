@@ -12,9 +12,9 @@ from walking_robots import believed, marvin, walked, walked_by
 from bench.diagnosis import robot_rattling
 from bench.diagnosis.robot_features import Features
 from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_rattling import Rattling, told
+from bench.diagnosis.robot_rattling import Rattling, ShakingSearch, told
 from bench.diagnosis.robot_replay import play
-from bench.diagnosis.robot_search import BESIDE, HELD_OUT, NEEDED
+from bench.diagnosis.robot_search import BESIDE, HELD_OUT, NEEDED, SPRINGS, RobotSearch
 from bench.diagnosis.robot_shaking import ENGINES_SHAKING, by_kind
 from sim.effects import effect
 
@@ -165,3 +165,11 @@ def test_where_joints_shake_for_no_reason_the_report_says_so():
     assert told(False, 0.9 * NEEDED, 0.9 * NEEDED, kinds) == ()
     (named,) = told(True, 1.1 * NEEDED, 12.0 * NEEDED, kinds)
     assert named.startswith("play was named by how much joints shake")
+
+
+def test_a_search_on_shaking_is_a_search_but_for_springs_and_whole_recordings():
+    own = {name for name in vars(ShakingSearch) if not name.startswith("__")}
+    assert own == {"_with_springs", "_from_far", "_whole_square"}
+    assert all(callable(getattr(RobotSearch, name)) for name in own)
+    search = object.__new__(ShakingSearch)
+    assert search._with_springs(None, ["promised"], SPRINGS) == ["promised"]
