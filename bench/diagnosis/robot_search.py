@@ -225,9 +225,9 @@ class RobotSearch(ExactFits):
     def _with_springs(
         self, now: RobotFit, promised: Sequence[RobotGain], springs: frozenset[str]
     ) -> list[RobotGain]:
-        """What is promised, and much of each of some springs, whatever is promised of them."""
-        found = [gain for gain in promised if gain.name not in springs]
-        for name in sorted(springs.difference(now.names)):
+        """What is promised, and much of each of some springs of which nothing is."""
+        found = list(promised)
+        for name in sorted(springs.difference(now.names, (gain.name for gain in promised))):
             *_, large = self.model.curves.tries(name)
             fit = replace(now, names=(*now.names, name), z=np.append(now.z, large))
             found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
