@@ -68,15 +68,7 @@ class ExactFits:
         ordinary = np.zeros(len(self.model.nuisances)) if nuisances is None else nuisances
         z = np.clip(np.concatenate([ordinary, knobs]), *self.sight.box(names))
         at = RobotFit(tuple(names), z, noise or {}, np.inf)
-        self.model.retrace(at.settings, at.nuisances)
-        return self.led(at.names, at.z, noise)
-
-    def led(
-        self, names: Sequence[str], z: Floats, noise: Mapping[RobotKind, Noise] | None
-    ) -> RobotFit:
-        """An exact fit that begins somewhere and goes by traces as they are."""
-        at = RobotFit(tuple(names), np.clip(z, *self.sight.box(names)), noise or {}, np.inf)
-        self.model.recentre(at.settings, at.nuisances, self.which)
+        self.around(at)
         return self.settle(self.fitted(at.names, at.z, noise))
 
     def settle(self, found: RobotFit, begun: RobotFit | None = None) -> RobotFit:

@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .rivals import CLOSE
 from .robot_exact import ExactFits
 from .robot_features import MEANS, RobotKind
 from .robot_fit import ENOUGH, RobotFit
@@ -35,7 +36,6 @@ NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
 BESIDE = 15.0  #: the same of an effect beside others: what those leave unexplained it may take up
 HELD_OUT = 1.5  #: gain [nats, deflated] it must have on groups of recordings left out
 MOST = 3  #: effects that are taken
-CLOSE = 4.0  #: gain [nats, deflated] within which another effect would have done as well
 AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance at its end
@@ -97,7 +97,7 @@ class RobotSearch(ExactFits):
                 taken.append(chosen)
                 if step + 1 < most:
                     ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
-            now = self._exchanged(now, taken, tried)
+            now, taken, tried = self._exchanged(now, taken, tried)
         except OutOfTimeError:
             self.around(now)  # what was taken until then is told
         alike = {
@@ -153,12 +153,13 @@ class RobotSearch(ExactFits):
         return chosen, now, tuple(sorted([*few, *rest], key=lambda gain: -gain.deflated))
 
     def _exchanged(
-        self, now: RobotFit, taken: list[RobotGain], tried: list[tuple[RobotGain, ...]]
-    ) -> RobotFit:
+        self, now: RobotFit, taken: Sequence[RobotGain], tried: Sequence[tuple[RobotGain, ...]]
+    ) -> tuple[RobotFit, list[RobotGain], list[tuple[RobotGain, ...]]]:
         """The best of each step but the last, or the next best where that does better in the end.
 
-        What was found later may have decided between them.
+        What was found later may have decided between them. The fit, what is taken, what was tried.
         """
+        taken, tried = list(taken), list(tried)
         for k, gain in enumerate(taken[:-1]):
             other = next((each for each in tried[k] if each.name not in now.names), None)
             if other is None:
@@ -168,17 +169,18 @@ class RobotSearch(ExactFits):
             knobs[at] = other.fit.knobs[-1]
             names = (*now.names[:at], other.name, *now.names[at + 1 :])
             fit = self.thoroughly(names, knobs, now.noise)
-            if fit.cost > now.cost - ENOUGH:
-                continue
             before, after = self._left_out(now), self._left_out(fit)
-            outside = None if before is None or after is None else before - after
-            if outside is not None and gain.held_out is not None:
-                outside += gain.held_out
+            outside = gain.held_out
+            if outside is not None and before is not None and after is not None:
+                outside += before - after
             nats = gain.nats + now.cost - fit.cost
-            taken[k], now = replace(other, fit=fit, nats=nats, held_out=outside), fit
-            tried[k] = (taken[k], *(each for each in tried[k] if each is not other))
+            better = replace(other, fit=fit, nats=nats, held_out=outside)
+            if fit.cost > now.cost - ENOUGH or not self._holds(better, now):
+                continue
+            taken[k], now = better, fit
+            tried[k] = (better, *(each for each in tried[k] if each is not other))
         self.around(now)
-        return now
+        return now, taken, tried
 
     def _tried(
         self, now: RobotFit, promised: Sequence[RobotGain], named: Collection[str]

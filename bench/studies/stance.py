@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.diagnosis.journal import FOLDER, Journal
+from bench.diagnosis.rivals import CLOSE
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_gains import RobotFindings
 from bench.diagnosis.robot_model import RobotModel
 from bench.diagnosis.robot_replay import course
-from bench.diagnosis.robot_search import CLOSE, RobotSearch
+from bench.diagnosis.robot_search import RobotSearch
 from bench.figures.style import save
 from bench.files import finite, write_json, write_text
 from bench.recording import Recording, read, write

@@ -31,6 +31,7 @@ from bench.diagnosis.robot_search import (
     WORSE,
     RobotSearch,
 )
+from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -226,7 +227,7 @@ def test_the_next_best_takes_its_place_if_it_does_better_beside_what_was_found_l
     both = RobotFit(("effect0@all", "effect2@all"), np.zeros(2), {}, -50.0)
     search = Exact({})
     search.promised = {("effect1@all", "effect2@all"): gained}
-    now = search._exchanged(both, taken, tried)
+    now, taken, tried = search._exchanged(both, taken, tried)
     assert now.names == (first, "effect2@all")
     assert now.cost == -max(50.0, gained)
     assert taken[0].name == tried[0][0].name == first
@@ -239,8 +240,39 @@ def test_the_next_best_takes_its_place_if_it_does_better_beside_what_was_found_l
 def test_what_was_found_alone_is_exchanged_for_nothing():
     search, now = Exact({}), fit("effect0@all", 30.0)
     some = gains(30.0, 20.0)
-    assert search._exchanged(now, some[:1], [tuple(some)]) is now
+    assert search._exchanged(now, some[:1], [tuple(some)]) == (now, some[:1], [tuple(some)])
     assert search.said == []
+
+
+def test_what_groups_left_out_do_worse_with_is_not_exchanged():
+    step = tuple(replace(gain, held_out=5.0) for gain in gains(30.0, 20.0))
+    later = gains(20.0, 5.0, 50.0)[2]
+    both = RobotFit(("effect0@all", "effect2@all"), np.zeros(2), {}, -50.0)
+    for worse, first in ((0.0, "effect1@all"), (9.0, "effect0@all")):
+        search = Exact({})
+        search.promised = {("effect1@all", "effect2@all"): 60.0}
+        search._left_out = lambda fit, worse=worse: worse if "effect1@all" in fit.names else 0.0
+        now, taken, _ = search._exchanged(both, [step[0], later], [step, (later,)])
+        assert now.names[0] == taken[0].name == first
+
+
+def test_an_exchange_that_time_runs_out_in_changes_nothing():
+    some = gains(30.0, 20.0, 25.0, 15.0, 20.0)
+    tried = [tuple(some[:2]), tuple(some[2:4]), tuple(some[4:])]
+    taken = [step[0] for step in tried]
+    before = list(taken), list(tried)
+    now = RobotFit(tuple(gain.name for gain in taken), np.zeros(3), {}, -50.0)
+    search = Exact({})
+    search.promised = {("effect1@all", *now.names[1:]): 60.0}
+
+    def say(stage):
+        if "effect3" in stage:
+            raise OutOfTimeError(stage)
+
+    search._say = say
+    with pytest.raises(OutOfTimeError):
+        search._exchanged(now, taken, tried)
+    assert (taken, tried) == before
 
 
 def test_the_best_few_are_compared_by_what_is_ordinary_beside_each_of_them():
