@@ -22,10 +22,6 @@ from sim.rollout import Replay
 
 Floats = NDArray[np.float64]
 
-#: when a servo samples between the instruction and its reply, as a share of that wait: servos that
-#: are read together look when it is their turn, and the last part is the line's and the host's
-TURN = 0.87
-
 
 @dataclass(slots=True)
 class _Listener:

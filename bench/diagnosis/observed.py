@@ -15,7 +15,7 @@ from busemu.tables import Robot
 from sim.drive import kernel, lanes
 from sim.rollout import Replay
 
-from .commands import TURN, drive_commands, supply_events
+from .commands import drive_commands, supply_events
 from .periods import own_period
 from .posture import recorded_posture
 from .smooth import follows, smooth
@@ -196,7 +196,7 @@ def _observe(recording: Recording, robot: Robot, joint: str) -> Observed | None:
                 times, values = recording.si(servo_id, register, "read")
                 if len(times):
                     waits = recording.waits(servo_id, register)
-                    times = times + TURN * np.nan_to_num(waits.own - waits.first)
+                    times = times + np.nan_to_num(waits.own - waits.first)
                     if register == LOAD:
                         values = values * float(table.drive.get("load_sign", 1.0))
                     quantum = abs(table[register].si_scale)

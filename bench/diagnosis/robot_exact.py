@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 WIDENED = 3  #: times at most that a curve is made longer for a fit
 PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
 SETTLED = 3  #: times at most that exact replays and a fit take turns
-REFINED = 2  #: times at most that what nuisances do is taken anew where a fit has led
+REFINED = 3  #: times at most that what nuisances do is taken anew where a fit has led
 WORTH = 5.0  #: gain [nats] of the first of them from which there is another
 
 

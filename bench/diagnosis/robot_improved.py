@@ -13,7 +13,7 @@ from sim.effects import Parameter, effect
 from sim.model import Addition, Estimate, with_additions
 from sim.tree import Joint, PhysicalRobot
 
-from .nuisances import PUNCH
+from .nuisances import PUNCH, STALL
 from .result import Estimate as Found
 from .robot_effects import Placed
 from .robot_nuisances import TIPS, RobotNuisance, tip_of
@@ -24,6 +24,7 @@ PLACES = {
     "zero": ("zero_offset", "offset_rad"),
     "torque": ("torque_constant", "scale"),
     "motors": ("torque_constant", "scale"),
+    STALL: ("stall_torque", "scale"),
     "mass": ("link_mass", "scale"),
     "supply": ("supply_voltage", "scale"),
     "gain": ("gain_error", "scale"),

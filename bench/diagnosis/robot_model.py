@@ -21,7 +21,7 @@ from sim.tree import PhysicalRobot
 
 from .journal import Journal
 from .noise import Block
-from .nuisances import PUNCH, UNDOCUMENTED, has_punch
+from .nuisances import PUNCH, STALL, UNDOCUMENTED, has_punch
 from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
 from .robot_features import APART_S, Features, RobotKind
@@ -97,6 +97,8 @@ class RobotModel:
         self.quantum_rad = courses[0].quantum_rad
         if not undocumented_punch(robot, courses):
             without = {*without, PUNCH}
+        if all("torque_constant_nm_a" in drive for drive in robot.document["drive"].values()):
+            without = {*without, STALL}
         self._trials = [t for t in trials(base) if t.name.split()[0] not in without]
         self.nuisances: tuple[RobotNuisance, ...] = tuple(
             n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without

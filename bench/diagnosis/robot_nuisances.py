@@ -22,7 +22,7 @@ from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
-from .nuisances import PUNCH, SHARE, WITHIN, Reaching
+from .nuisances import PUNCH, SHARE, STALL, WITHIN, Reaching
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class RobotNuisance(Reaching):
 
     def far(self, z: float, share: float) -> bool:
         """Whether it has gone that share of as far as it may, and so stands in for something."""
-        return self.unit != SHARE and abs(z) > share * self.reach
+        return self.name != STALL and self.unit != SHARE and abs(z) > share * self.reach
 
 
 def _drives(segment: str, change: Callable[[DriveParameters, float], DriveParameters]) -> Change:
@@ -209,6 +209,9 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
             one = RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same)
             if trial.name == TIPS:
                 one = replace(one, least=0.0, idle=_of_each_leg(robot, "foot_compliance"))
+            elif trial.name == STALL:
+                lost = max(joint.drive.lost_at_stall for joint in robot.joints)
+                one = replace(one, deviation=lost, reach=0.0, least=-1.0)
             found.append(replace(one, reach=1.0, least=0.0) if unit == SHARE else one)
     late = "jitter and turnaround of a bus; assumed"
     found.append(RobotNuisance("sampling", "s", 0.0015, late))
@@ -261,7 +264,8 @@ COMMON = {
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
     "late": ("s", 0.001, "a host's adapter; assumed"),
     "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
-    "motors": ("(ratio)", 0.08, "a make +-10 %, and a stall torque before or after friction: 6 %"),
+    "motors": ("(ratio)", 0.10 / ROOT3, "motors of one make: +-10 %"),
+    STALL: ("(ratio)", 0.06, "whether a stall torque is told with friction or before it; assumed"),
     "gears": ("(ratio)", 0.15, "friction of one make, warm or cold; assumed"),
     TIPS: ("m/N", 2.5e-5, "no foot is rigid, the stiffest rubber tips give 50 um/N; assumed"),
     PUNCH: (SHARE, 1.0, "whether a PID law adds its punch is documented nowhere; assumed"),
@@ -313,6 +317,7 @@ def _changes(robot: PhysicalRobot) -> list[Trial]:
     found.append(Trial("supply", 0.03, _supply))
     found.append(Trial("gain", 0.05, _of_all(_gain)))
     found.append(Trial("motors", 0.06, _of_all(_torque)))
+    found.append(Trial(STALL, -0.05, _of_effect(STALL, "scale", (), over=1.0)))
     found.append(Trial("gears", 0.2, _of_all(_friction)))
     found.append(Trial(PUNCH, 0.5, _of_all(_punch)))
     found.append(Trial("late", 0.002, _of_effect("transport_delay", "delay_s", ())))

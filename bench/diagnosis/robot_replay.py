@@ -19,7 +19,7 @@ from sim.stepped import TICK_S, SteppedPlant
 from sim.tree import SEGMENTS, PhysicalRobot
 from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
-from .commands import TURN, drive_commands
+from .commands import drive_commands
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Course:
     events: Floats
     first_rad: Floats
     sample_s: tuple[Floats, ...]
-    wait_s: tuple[Floats, ...]  #: from instruction to reply of every sample
+    wait_s: tuple[Floats, ...]  #: from instruction to sampling, of every sample
     position_rad: tuple[Floats, ...]
     quantum_rad: float
     goals: Mapping[str, tuple[Floats, Floats]]
@@ -96,7 +96,7 @@ def course(recording: Recording, robot: Robot) -> Course:
         events=stacked[np.argsort(stacked[:, 0], kind="stable")],
         first_rad=np.array(firsts),
         sample_s=tuple(
-            track.position_t_s - origin + TURN * waits[joint] for joint, track in tracks.items()
+            track.position_t_s - origin + waits[joint] for joint, track in tracks.items()
         ),
         wait_s=tuple(waits.values()),
         position_rad=tuple(track.position_rad for track in tracks.values()),
@@ -107,7 +107,7 @@ def course(recording: Recording, robot: Robot) -> Course:
 
 
 def _waits_s(recording: Recording, servo_id: int) -> Floats:
-    """From instruction to reply of every position that came [s]; 0 where nobody noted it."""
+    """From instruction to sampling of every position that came [s]; 0 where nobody noted it."""
     return np.nan_to_num(recording.waits(servo_id, "present_position").own)
 
 

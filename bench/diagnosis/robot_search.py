@@ -40,12 +40,18 @@ AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance at its end
 BEST = 2  #: of them that are fitted to the end
+HOPELESS = 150.0  #: loss [nats] with which a spring is not tried again beside what is taken
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 #: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
 #: much of it, are two valleys
 SPRINGS = frozenset(
     f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
 )
+
+
+def hopeless(tried: Iterable[RobotGain]) -> set[str]:
+    """What did so much worse than nothing that it is not tried again beside what is taken."""
+    return {gain.name for gain in tried if gain.nats < -HOPELESS}
 
 
 class RobotSearch(ExactFits):
@@ -83,14 +89,16 @@ class RobotSearch(ExactFits):
         ranking = first.rank(wanted)
         screened = tuple(ranking)
         now, taken, tried = base, [], []
+        springs = SPRINGS.intersection(wanted)
         try:
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
-                gains = self._with_springs(now, gains, SPRINGS.intersection(wanted))
-                chosen, now, fitted = self._chosen(now, gains, named | SPRINGS)
+                gains = self._with_springs(now, gains, springs)
+                chosen, now, fitted = self._chosen(now, gains, named | springs)
                 base = base if now.names else now
                 tried.append(fitted)
+                springs -= hopeless(fitted)
                 if chosen is None:
                     break
                 now = chosen.fit

@@ -145,7 +145,7 @@ class Recording:
         return Series(self.t_s[rows][there], raw[there])
 
     def waits(self, servo_id: int, register: str) -> Waits:
-        """From instruction to reply of every sample of :meth:`series` that was read [s]."""
+        """From an instruction to when a servo looked, of every sample that was read [s]."""
         rows = self.rows(servo_id, register, READ)
         rows = rows[~np.isnan(numbers(self.table, "raw")[rows])]
         return Waits(self._waits.own[rows], self._waits.first[rows])

@@ -9,7 +9,7 @@ import pytest
 
 from bench.diagnosis.nuisances import SHARE
 from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_exact import PART, WORTH, ExactFits
+from bench.diagnosis.robot_exact import PART, REFINED, WORTH, ExactFits
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import RobotGain
 from bench.diagnosis.robot_nuisances import COMMON, SAME, RobotNuisance, nuisances
@@ -25,11 +25,13 @@ from bench.diagnosis.robot_screen import (
 from bench.diagnosis.robot_search import (
     BESIDE,
     BEST,
+    HOPELESS,
     NEEDED,
     PROMISED,
     SPRINGS,
     WORSE,
     RobotSearch,
+    hopeless,
 )
 from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
@@ -321,10 +323,11 @@ class Retraced(ExactFits):
 
 
 def test_traces_are_taken_anew_while_that_is_worth_it():
-    for first, cost in ((0.9 * WORTH, -0.9 * WORTH), (1.1 * WORTH, -1.1 * WORTH - 99.0)):
-        search = Retraced([first, 99.0, 99.0])
+    enough, little = 1.1 * WORTH, 0.9 * WORTH
+    for gained, cost in (([little, 99.0], little), ([enough, little, 99.0], enough + little)):
+        search = Retraced([*gained, *[99.0] * REFINED])
         found = search.refined(fit("a@all", 0.0))
-        assert found.cost == pytest.approx(cost)
+        assert found.cost == pytest.approx(-cost)
         assert search.at[0] == (("a@all", 0.0),)
 
 
@@ -375,6 +378,14 @@ def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
     search.begun = lambda names, knobs, *_: begun.append((names[-1], knobs[-1])) or now
     search._tried(now, found, SPRINGS)
     assert set(begun) == {(little[0].name, 0.0), (first, 0.0), *((name, 8.0) for name in rest)}
+
+
+def test_a_spring_that_did_much_worse_than_nothing_is_not_tried_again():
+    some = [
+        replace(gain, nats=nats) for gain, nats in zip(gains(1.0, 2.0), (-1.1, -0.9), strict=True)
+    ]
+    some = [replace(gain, nats=gain.nats * HOPELESS) for gain in some]
+    assert hopeless(some) == {some[0].name}
 
 
 def test_a_spring_that_is_named_is_not_tried_again():
