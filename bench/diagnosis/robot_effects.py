@@ -1,4 +1,4 @@
-"""Effects of a whole robot, place by place: all joints, one kind or the two that carry it, a leg.
+"""Effects of a whole robot, place by place: all joints, a kind of them, a leg, a joint.
 
 Each is an effect of the catalogue narrowed to one number: a name like ``joint_compliance@tibia`` or
 ``com_offset.y@trunk`` says which effect, which of its parameters if it has several that act alone,
@@ -8,7 +8,7 @@ would act by itself.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from sim.effects import Effect, Group, Parameter, Scope, catalogue
@@ -105,13 +105,26 @@ def _places(kind: Effect, robot: PhysicalRobot) -> list[tuple[str, tuple[str, ..
         return trunk + [(s, _ending(names, s)) for s in SEGMENTS]
     else:
         return [(EVERYWHERE, ())]
-    carrying = [("+".join(CARRYING), tuple(n for s in CARRYING for n in _ending(names, s)))]
-    return [
+    pair = "+".join(CARRYING)
+    carrying = [(pair, tuple(n for s in CARRYING for n in _ending(names, s)))]
+    found = [
         (EVERYWHERE, ()),
         *((s, _ending(names, s)) for s in SEGMENTS),
         *(carrying if kind.group is Group.GEAR else ()),
-        *((leg, tuple(n for n in names if n.startswith(f"{leg}."))) for leg in legs),
     ]
+    for leg in legs:
+        own = [n for n in names if n.startswith(f"{leg}.")]
+        found.append((leg, tuple(own)))
+        if kind.group is Group.GEAR:
+            found.append((f"{leg}.{pair}", tuple(n for s in CARRYING for n in _ending(own, s))))
+        found += [(joint, (joint,)) for joint in own]
+    return found
+
+
+def leg_of(place: str, legs: Collection[str]) -> str:
+    """The leg that a place is in; none if it is in several."""
+    leg = place.partition(".")[0]
+    return leg if leg in legs else ""
 
 
 def _ending(names: list[str], segment: str) -> tuple[str, ...]:

@@ -17,13 +17,18 @@ APART_NATS = 20.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotGain:
-    """What an effect at a place gains over a hypothesis without it."""
+    """What an effect at a place gains over a hypothesis without it.
+
+    ``held_out`` [nats] is the same on groups of recordings left out; ``None`` where all are of one
+    group. ``apart`` [nats] is what fits of one hypothesis end apart by.
+    """
 
     name: str
     fit: RobotFit
     nats: float
     inflation: float
-    held_out: float | None  #: [nats]; ``None`` where all recordings are of one group
+    held_out: float | None
+    apart: float = APART_NATS
 
     @property
     def deflated(self) -> float:
@@ -33,7 +38,7 @@ class RobotGain:
     def ahead_of(self, other: RobotGain) -> float:
         """By how much more it gains than another [nats, deflated], beyond what beginnings make."""
         more = self.nats - other.nats
-        return float(np.sign(more) * max(0.0, abs(more) - APART_NATS) / self.inflation)
+        return float(np.sign(more) * max(0.0, abs(more) - self.apart) / self.inflation)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -179,19 +179,39 @@ class Screen:
         return sorted(((n, c) for n, c in found if abs(c) > ALIKE), key=lambda p: -abs(p[1]))
 
     def standing_out(self, most: int = 2) -> list[str]:
-        """Legs with clearly more misfit than the rest, the worst first: to be looked at alone.
+        """Legs with clearly more misfit than the rest, worst first, each with such joints of it.
 
-        What a leg's own nuisances must do against their priors to fit it is misfit as well.
+        They are to be looked at alone. What a leg's own nuisances must do against their priors to
+        fit it is misfit as well. A joint is held against those of its kind in the other legs.
         """
+        own = self._misfits()
+        legs: dict[str, float] = {}
+        kinds: dict[str, list[float]] = {}
+        for joint in self._model.base.joints:
+            legs[joint.leg] = legs.get(joint.leg, 0.0) + own[joint.name]
+            kinds.setdefault(joint.segment, []).append(own[joint.name])
+        usual = STANDS_OUT * float(np.median(list(legs.values())))
+        found = []
+        for leg in sorted(legs, key=lambda leg: -legs[leg])[:most]:
+            if legs[leg] > usual:
+                some = [joint for joint in self._model.base.joints if joint.leg == leg]
+                worst = [
+                    j for j in some if own[j.name] > STANDS_OUT * float(np.median(kinds[j.segment]))
+                ]
+                found += [leg, *(j.name for j in sorted(worst, key=lambda j: -own[j.name]))]
+        return found
+
+    def _misfits(self) -> dict[str, float]:
+        """What is left of every joint, and what its own nuisances do against their priors."""
         model = self._model
-        legs = [leg.name for leg in model.base.legs]
-        energy = dict.fromkeys(legs, 0.0)
+        joints = [joint.name for joint in model.base.joints]
+        energy = dict.fromkeys(joints, 0.0)
         taken = self._solve @ (self._nuisances.T @ (self._weight * self.residual))
         left = self.residual - self._nuisances @ taken
         for name, z in zip(self._free, taken[: len(self._free)].tolist(), strict=True):
-            leg = name.split()[-1].partition(".")[0]
-            if leg in energy:
-                energy[leg] += z * z
+            joint = name.split()[-1]
+            if joint in energy:
+                energy[joint] += z * z
         at = 0
         for r in self._which:
             features = model.features[r]
@@ -200,9 +220,7 @@ class Screen:
                     continue
                 known = np.isfinite(model.recorded(r, kind))
                 part, at = left[at : at + known.sum()], at + int(known.sum())
-                for j, joint in enumerate(model.base.joints):
+                for j, joint in enumerate(joints):
                     own = features.of_joint(j, kind)[known]
-                    energy[joint.leg] += float((part[own] ** 2).sum())
-        usual = float(np.median(list(energy.values())))
-        worst = sorted(legs, key=lambda leg: -energy[leg])[:most]
-        return [leg for leg in worst if energy[leg] > STANDS_OUT * usual]
+                    energy[joint] += float((part[own] ** 2).sum())
+        return energy

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .rivals import CLOSE
+from .robot_effects import leg_of
 from .robot_exact import ExactFits
 from .robot_features import MEANS, RobotKind
 from .robot_fit import ENOUGH, RobotFit
@@ -298,12 +299,15 @@ class RobotSearch(ExactFits):
         return Screen(self.model, noise, left, self.sight.kinds, some, now.names, held)
 
     def _worth_looking(self, screen: Screen) -> list[str]:
+        """All that is everywhere or of a kind, and places in legs that stand out."""
         legs = {leg.name for leg in self.model.base.legs}
+        joints = {joint.name for joint in self.model.base.joints}
         worst = set(screen.standing_out())
         names = []
         for name in self.model.placed:
             place = name.partition("@")[2]
-            if place not in legs or place in worst:
+            leg = leg_of(place, legs)
+            if not leg or (leg in worst and (place in worst or place not in joints)):
                 names.append(name)
         return names
 

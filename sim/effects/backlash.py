@@ -36,10 +36,11 @@ EFFECT = Effect(
             "width_rad",
             "rad",
             0.0,
-            0.1,
+            0.25,
             typical=math.radians(0.6),
             off=0.0,
-            source="0.25 deg (XM540) to 1.3 deg (STS3215 under load), published measurements",
+            source="0.25 deg (XM540) to 1.3 deg (STS3215 under load), published measurements; "
+            "worn gears up to 14 deg: assumed",
         ),
     ),
     change=on_drives(change),
