@@ -157,7 +157,7 @@ class LeggedDraft:
         whole = passing(whole, late + 0.2 * float(random.uniform(-1.0, 1.0)))
         if scene.support == "suspended" and isinstance(plan, WalkPlan):
             raise ValueError(f"{scene.name} is on a stand and cannot walk")
-        played = play(scene, plan, whole.body, whole.electrics)
+        played = play(scene, plan, whole.body, whole.electrics, volts=case.volts)
         table = _disturbed(played, case, random)
         recording = Recording.checked(table, _metadata(case, plan, name, group))
         return _with_truth(recording, played, 1.0 + 1e-6 * case.nuisances.clock_ppm)
@@ -184,6 +184,7 @@ class LeggedDraft:
         return {
             "concealment": case.concealment.value,
             "rig": scene.name,
+            "style": "position and voltage" if case.volts else "position",
             "effects": told[len(case.ordinary) :],
             "ordinary": told[: len(case.ordinary)],
             "nuisances": nuisance_document(case.nuisances),

@@ -36,6 +36,7 @@ class Electrics:
     torque_factor: Mapping[str, float] | None = None
     friction_factor: Mapping[str, float] | None = None
     zero_rad: Mapping[str, float] | None = None
+    sense_v: Mapping[str, float] | None = None  #: what voltage registers show too much
     ambient_c: float = 25.0
 
     def but(self, **changes: object) -> Electrics:

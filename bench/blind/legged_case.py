@@ -22,6 +22,8 @@ Floats = NDArray[np.float64]
 
 TRIES, CLOSE, FAR = 5, 0.2, 1.5
 DEGREE = math.radians(1.0)
+VOLTS = 0.5  #: share of walks in which somebody reads voltages
+SENSE = 0.01, 0.005  #: how far off those are, all alike and each by itself; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,7 @@ class LeggedNuisances:
     ambient_c: float
     lost_rate: float
     clock_ppm: float
+    sense_v: Mapping[str, float]  #: what voltage registers show too much [V]
 
     def on(self, whole: Whole) -> Whole:
         """A believed robot as it is with these."""
@@ -79,6 +82,7 @@ class LeggedNuisances:
             zero_rad=self.zero_rad,
             torque_factor=self.torque_factor,
             friction_factor=self.friction_factor,
+            sense_v=self.sense_v,
             ambient_c=self.ambient_c,
         )
 
@@ -107,7 +111,16 @@ def _nuisances(scene: Scene, random: np.random.Generator, pins: set[str]) -> Leg
         ambient_c=24.0 + within(4.0),
         lost_rate=float(random.uniform(0.0, 0.005)),
         clock_ppm=within(60.0),
+        sense_v={},
     )
+
+
+def _sense(scene: Scene, random: np.random.Generator) -> dict[str, float]:
+    """What voltage registers show too much [V]: of a batch of servos, and of each of them."""
+    volts = float(scene.robot.document["supply"]["voltage_v"]["value"])
+    joints = list(scene.robot.by_joint)
+    off = SENSE[0] * random.uniform(-1.0, 1.0) + SENSE[1] * random.uniform(-1.0, 1.0, len(joints))
+    return dict(zip(joints, (volts * off).tolist(), strict=True))
 
 
 @dataclass(frozen=True)
@@ -123,6 +136,7 @@ class LeggedCase:
     ordinary: tuple[LeggedHidden, ...]
     nuisances: LeggedNuisances
     decoy: Mapping[str, float]  #: zero errors of joints that draw the eye [rad]
+    volts: bool  #: whether the robot's program reads voltages as well
 
     def truth(self, plan: Plan) -> tuple[Whole, list[tuple[LeggedHidden, Truth]]]:
         """The robot under a plan, and what is true of every effect in it."""
@@ -224,8 +238,19 @@ def _try(
     if random.random() < 0.3 if asked.disguise is None else asked.disguise:
         joint = str(random.choice(list(scene.joints)))
         decoy[joint] = float(random.choice([-1.0, 1.0])) * 2.0 * DEGREE
+    volts = scene.support == "ground" and bool(random.random() < VOLTS)
+    nuisances = dataclasses.replace(nuisances, sense_v=_sense(scene, random))
     return LeggedCase(
-        seed, asked, kind, concealment, scene, tuple(hidden), tuple(ordinary), nuisances, decoy
+        seed,
+        asked,
+        kind,
+        concealment,
+        scene,
+        tuple(hidden),
+        tuple(ordinary),
+        nuisances,
+        decoy,
+        volts,
     )
 
 

@@ -126,7 +126,7 @@ class LegsPlant:
             duty=float(drives.duty[i]),
             torque_nm=float(drives.torque_nm_a[i]) * current,
             current_a=current,
-            voltage_v=drives.rail_v,
+            voltage_v=drives.rail_v + (drives.electrics.sense_v or {}).get(self._joints[i], 0.0),
             temperature_c=float(drives.temperature_c[i]),
         )
 

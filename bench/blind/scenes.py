@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import cycle
 from types import MappingProxyType
 
 import numpy as np
@@ -163,11 +164,18 @@ class Played:
 
 
 def play(
-    scene: Scene, plan: Plan, body: Body, electrics: Electrics, robot: Robot | None = None
+    scene: Scene,
+    plan: Plan,
+    body: Body,
+    electrics: Electrics,
+    robot: Robot | None = None,
+    *,
+    volts: bool = False,
 ) -> Played:
     """Run a plan by the robot's own software over the emulated bus in virtual time.
 
-    ``robot`` is the scene's with another gait, where it shall walk one.
+    ``robot`` is the scene's with another gait, where it shall walk one. With ``volts`` a walk reads
+    the voltage of one servo a cycle, by turns.
     """
     robot = robot or scene.robot
     plant = Watched(robot, body, electrics)
@@ -181,11 +189,22 @@ def play(
             Steering(
                 seconds=plan.seconds, v_left=plan.v_left, v_right=plan.v_right, seed=plan.seed
             ),
+            _volts(session) if volts else None,
         )
     else:
         _move(scene, session, plan)
     track, stands = (np.array(part) for part in zip(*seen, strict=True))
     return Played(session, plant, track, stands)
+
+
+def _volts(session: Session) -> Callable[[float], None]:
+    """Reads the voltage of the next servo whenever a cycle is over."""
+    ids = cycle(session.robot.by_id)
+
+    def read(_: float) -> None:
+        session.client.read(next(ids), "present_voltage")
+
+    return read
 
 
 def _move(scene: Scene, session: Session, plan: ExperimentPlan) -> None:

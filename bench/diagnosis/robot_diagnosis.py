@@ -266,9 +266,13 @@ class Work:
             "second where there is no gait): what differs from cycle to cycle is not judged",
             "the fit before and after is that of the samples in which the robot walks (or of all "
             "after the first second): how it stands up before depends on how it lay",
-            "load, voltage and temperature registers are not used for a whole robot: a weak motor, "
-            "a low supply and a low gain are hard to tell apart",
+            "load and temperature registers are not used for a whole robot",
         ]
+        if RobotKind.VOLTAGE not in model.floors():
+            said.append(
+                "nobody read a voltage: a weak motor, a low supply and a low gain are hard to tell "
+                "apart; read present_voltage of one servo a cycle, by turns"
+            )
         if RobotKind.HEIGHT not in model.floors():
             said.append(
                 "nobody watched the trunk: what gives way under the feet is seen by what joints "
@@ -308,13 +312,15 @@ class Work:
                 own = [b.value for (_, k), b in blocks.items() if k is kind]
                 values.append(float(np.sqrt(np.mean(np.concatenate(own) ** 2))))
             noise = after.noise.get(kind)
-            joints = kind is RobotKind.JOINTS
+            what = {
+                RobotKind.JOINTS: "all joints",
+                RobotKind.HEIGHT: "the trunk's height [m]",
+                RobotKind.VOLTAGE: "the supply at the servos [V]",
+            }
             rows.append(
                 {
-                    "channel": "position" if joints else kind.value,
-                    "judges": "all joints, over the phase of the gait"
-                    if joints
-                    else "the trunk's height [m], over the phase of the gait",
+                    "channel": "position" if kind is RobotKind.JOINTS else kind.value,
+                    "judges": f"{what[kind]}, over the phase of the gait",
                     "rms_before": values[0],
                     "rms_after": values[1],
                     "rounding": floor,

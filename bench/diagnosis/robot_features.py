@@ -10,6 +10,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +38,21 @@ class RobotKind(enum.Enum):
 
     JOINTS = "joints"
     HEIGHT = "height"  #: of the trunk over where it began, where an observer recorded it
+    VOLTAGE = "voltage"  #: of the supply, where servos' registers of it were read
     SHAKING = "shaking"  #: of joints from sample to sample, as a logarithm
 
 
-MEANS = (RobotKind.JOINTS, RobotKind.HEIGHT)  #: what is compared by its means over the phase
+#: what is compared by its means over the phase
+MEANS = (RobotKind.JOINTS, RobotKind.HEIGHT, RobotKind.VOLTAGE)
+
+
+class Means(NamedTuple):
+    """What a replay comes down to, in rows as :class:`Features` has them."""
+
+    angle_rad: Floats
+    height_m: Floats
+    voltage_v: Floats
+    shaken: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +75,8 @@ class Features:
     stance: NDArray[np.bool_]  #: whether the leg of the row's joint is commanded to stand
     height_bins: Bins | None
     height_m: Floats
+    voltage_bins: Bins | None
+    voltage_v: Floats
     shaking: Shaking
     shaken: Floats  #: as recorded
 
@@ -70,10 +84,7 @@ class Features:
     def of(cls, course: Course, robot: Robot) -> Features:
         """Bin a recording by its own goals."""
         phase = gait_phase(course.goals, robot)
-        bins = tuple(
-            Bins.of_time(t, STAND_UP_S) if phase is None else Bins.of_phase(phase, t)
-            for t in course.sample_s
-        )
+        bins = tuple(_bins(phase, t) for t in course.sample_s)
         full = [np.flatnonzero(b.counts > 0) for b in bins]
         joint_row = np.repeat(np.arange(len(bins)), [len(f) for f in full])
         index = np.concatenate(full)
@@ -96,14 +107,9 @@ class Features:
         shaking = Shaking.of(
             course.sample_s, lifted, [b.bin >= 0 for b in bins], course.quantum_rad
         )
-        seen = course.height
-        height_bins = None
-        if seen is not None:
-            height_bins = (
-                Bins.of_time(seen[0], STAND_UP_S)
-                if phase is None
-                else Bins.of_phase(phase, seen[0])
-            )
+        seen, volts = course.height, course.voltage
+        height_bins = None if seen is None else _bins(phase, seen[0])
+        voltage_bins = None if volts is None else _bins(phase, volts[0])
         return cls(
             course=course,
             phase=phase,
@@ -116,9 +122,9 @@ class Features:
             goal_rad=rows(goals),
             stance=rows([up.astype(np.float64) for up in lifted]) < 0.5,
             height_bins=height_bins,
-            height_m=height_bins.mean(_risen(*seen))
-            if seen is not None and height_bins is not None
-            else np.empty(0),
+            height_m=_mean(height_bins, None if seen is None else _risen(*seen)),
+            voltage_bins=voltage_bins,
+            voltage_v=_mean(voltage_bins, None if volts is None else volts[1]),
             shaking=shaking,
             shaken=shaking.rows(course.position_rad),
         )
@@ -150,8 +156,8 @@ class Features:
         left = np.concatenate([(seen - told)[b.bin >= 0] for seen, told, b in every])
         return float(np.mean(left**2))
 
-    def of_track(self, track: Track) -> tuple[Floats, Floats, Floats]:
-        """Means of a replay: joint angles (rows,) [rad], heights (bins,) [m]; its shaking."""
+    def of_track(self, track: Track) -> Means:
+        """Means of a replay, and its shaking."""
         found = np.empty(len(self.bin))
         joints = enumerate(self.course.sample_s)
         shaken = self.shaking.rows([track.at(j, t) for j, t in joints], track.span)
@@ -159,11 +165,16 @@ class Features:
             mine = self.joint_row == j
             told = bins.within(t, track.span)
             found[mine] = told.mean(track.at(j, t))[self.bin[mine]]
-        if self.height_bins is None or self.course.height is None:
-            return found, np.empty(0), shaken
-        seen_s = self.course.height[0]
-        heights = np.interp(seen_s, track.look_t_s, track.height_m) - track.rest_m
-        return found, self.height_bins.within(seen_s, track.span).mean(heights), shaken
+        height, volts = (
+            np.empty(0)
+            if bins is None or seen is None
+            else bins.within(seen[0], track.span).mean(np.interp(seen[0], track.look_t_s, looked))
+            for bins, seen, looked in (
+                (self.height_bins, self.course.height, track.height_m - track.rest_m),
+                (self.voltage_bins, self.course.voltage, track.voltage_v),
+            )
+        )
+        return Means(found, height, volts, shaken)
 
     def speeds(self, track: Track) -> tuple[Floats, Floats]:
         """How means move with a later instant [rad/s], and with a later turn (rows,)."""
@@ -213,6 +224,7 @@ class Features:
         rows = {
             RobotKind.JOINTS: self.joint_row,
             RobotKind.HEIGHT: np.full(len(self.height_m), -1),
+            RobotKind.VOLTAGE: np.full(len(self.voltage_v), -1),
             RobotKind.SHAKING: np.arange(len(self.shaken)) // len(PHASES),
         }
         own: NDArray[np.bool_] = rows[kind] == joint
@@ -225,7 +237,16 @@ class Features:
             and bool((self.bin == other.bin).all())
             and (self.height_bins is None) == (other.height_bins is None)
             and len(self.height_m) == len(other.height_m)
+            and len(self.voltage_v) == len(other.voltage_v)
         )
+
+
+def _bins(phase: Phase | None, t_s: Floats) -> Bins:
+    return Bins.of_time(t_s, STAND_UP_S) if phase is None else Bins.of_phase(phase, t_s)
+
+
+def _mean(bins: Bins | None, values: Floats | None) -> Floats:
+    return np.empty(0) if bins is None or values is None else bins.mean(values)
 
 
 def _weights(course: Course) -> tuple[object, ...]:

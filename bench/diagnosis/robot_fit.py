@@ -17,7 +17,7 @@ from .confidence import sandwich, stretches
 from .fit import bounded_step
 from .noise import Noise, cost, estimate, huber_weight, whiten
 from .robot_features import RobotKind
-from .robot_model import LEAST_NOISE_RAD, RobotBlocks, RobotModel
+from .robot_model import LEAST_NOISE_RAD, VOLTAGE_FLOOR_V, VOLTAGE_SENSE, RobotBlocks, RobotModel
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ ROUNDS = 6  #: of fitting and of estimating the noise in turns, at most
 STEPS = 4  #: of least squares in a round, at most
 SHORTER = (1.0, 0.5, 0.2, 0.05)  #: shares of a step that are tried
 KINDS_S = 1e5  #: between times of one kind of channel and of another, as far as those of joints
+LASTING_S = 1e4  #: memory of what is the same in all of a recording
 HELD = 1e9  #: what a prior knows of a number that is held
 ENOUGH = 0.3  #: gain [nats] at which a fit is done
 
@@ -55,6 +56,13 @@ class RobotFit:
         return tuple(zip(self.names, self.knobs.tolist(), strict=True))
 
 
+def voltage_noise(model: RobotModel, recordings: int) -> Noise:
+    """Of a voltage [V] that so many recordings show: all of them together tell it once."""
+    once = math.sqrt(recordings)
+    level = VOLTAGE_SENSE * model.base.supply.voltage_v
+    return Noise(VOLTAGE_FLOOR_V * once, level * once, LASTING_S)
+
+
 class Sight:
     """Some recordings and kinds of channels of a model: what a fit is allowed to see."""
 
@@ -75,7 +83,8 @@ class Sight:
     ) -> dict[RobotKind, Noise]:
         """The likeliest noise of every kind; of shaking, what engines differ by.
 
-        They do so in every recording and leg alike, and so all of them together tell it once.
+        They do so in every recording and leg alike, and so all of them together tell it once. The
+        same is so of a voltage, which dividers of servos show too high or too low throughout.
         """
         floors = self.model.floors(LEAST_NOISE_RAD)
         found: dict[RobotKind, Noise] = {}
@@ -84,6 +93,8 @@ class Sight:
             if kind is RobotKind.SHAKING:
                 repeats = len(own) * len(self.model.base.legs)
                 found[kind] = Noise(floors[kind] * math.sqrt(repeats), 0.0, KINDS_S)
+            elif kind is RobotKind.VOLTAGE:
+                found[kind] = voltage_noise(self.model, len(own))
             else:
                 found[kind] = estimate(own, floors[kind], start.get(kind) if start else None)
         return found

@@ -45,6 +45,11 @@ ENGINES_RAD = 1.0e-3
 #: other engine, fits leave 0.6 mrad of a PhantomX (rounding and all) and 1.0 mrad of a Marvin
 LEAST_NOISE_RAD = 0.5e-3
 HEIGHT_FLOOR_M = 2e-4  #: of an observer's height; assumed of motion capture
+#: of a mean of the servos' voltage registers: half a count of 0.1 V, and how a model's current
+#: differs within a gait; assumed
+VOLTAGE_FLOOR_V = 0.05
+#: of the level that all of them show, as a share of the supply's: dividers of 1 %; assumed
+VOLTAGE_SENSE = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +65,8 @@ def rows_of(outcome: Outcome) -> Rows:
     found = {RobotKind.JOINTS: outcome.angle_rad, RobotKind.SHAKING: outcome.shaken}
     if len(outcome.height_m):
         found[RobotKind.HEIGHT] = outcome.height_m
+    if len(outcome.voltage_v):
+        found[RobotKind.VOLTAGE] = outcome.voltage_v
     return found
 
 
@@ -143,6 +150,8 @@ class RobotModel:
         rows = {RobotKind.JOINTS: features.position_rad, RobotKind.SHAKING: features.shaken}
         if len(features.height_m):
             rows[RobotKind.HEIGHT] = features.height_m
+        if len(features.voltage_v):
+            rows[RobotKind.VOLTAGE] = features.voltage_v
         return rows
 
     def _spread(self) -> dict[int, Rows]:
@@ -154,7 +163,7 @@ class RobotModel:
         for i, m in enumerate(motions):
             some = found[i * JITTERS : (i + 1) * JITTERS]
             spread[m] = {
-                kind: np.mean([(rows[kind] - base) ** 2 for rows in some], axis=0)
+                kind: np.nan_to_num(np.mean([(rows[kind] - base) ** 2 for rows in some], axis=0))
                 for kind, base in self._plain[m].items()
             }
         return spread
@@ -234,6 +243,8 @@ class RobotModel:
         }
         if any(len(f.height_m) for f in self.features):
             floors[RobotKind.HEIGHT] = HEIGHT_FLOOR_M
+        if any(len(f.voltage_v) for f in self.features):
+            floors[RobotKind.VOLTAGE] = VOLTAGE_FLOOR_V
         return floors
 
     def modelled(self, settings: Sequence[tuple[str, float]], z: Floats, r: int) -> Rows:
@@ -318,13 +329,13 @@ class RobotModel:
     def block(self, r: int, kind: RobotKind, value: Floats) -> Block:
         """Rows of a recording, as many as it has, as a block; those nobody saw are left out."""
         features = self.features[r]
+        bins = {RobotKind.HEIGHT: features.height_bins, RobotKind.VOLTAGE: features.voltage_bins}
         if kind is RobotKind.JOINTS:
             times = features.t_s
-        elif kind is RobotKind.SHAKING:
-            times = APART_S * np.arange(len(value), dtype=np.float64)
+        elif (own := bins.get(kind)) is not None:
+            times = own.t_s
         else:
-            assert features.height_bins is not None
-            times = features.height_bins.t_s
+            times = APART_S * np.arange(len(value), dtype=np.float64)
         known = np.isfinite(self._data[r][kind])
         return Block(times[known], value[known], self._extra[r][kind][known])
 

@@ -1,8 +1,8 @@
 """Which walk would tell two explanations of a whole robot apart.
 
 Both are replayed in every experiment of a menu: the walk that was recorded with another weight on
-the trunk, with the body held and the legs free, or with the height of the trunk watched. What tells
-them apart is as for one joint (:mod:`bench.diagnosis.next_experiment`).
+the trunk, with the body held and the legs free, with the height of the trunk watched, or with the
+voltage read. What tells them apart is as for one joint (:mod:`bench.diagnosis.next_experiment`).
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from .next_experiment import adapted, most_telling
 from .noise import Noise
 from .result import NextExperiment
 from .robot_features import MEANS, RobotKind
-from .robot_fit import RobotFit, Sight
+from .robot_fit import RobotFit, Sight, voltage_noise
 from .robot_model import HEIGHT_FLOOR_M, RobotModel
 from .robot_replay import Course
 
 HEAVIER = 0.15  #: of the robot's mass: a weight to put on its trunk; assumed
-WATCH_S = 0.02  #: between two looks at the trunk's height
+WATCH_S = 0.02  #: between two looks at the trunk's height, or at a voltage
 MEMORY_S = 0.1  #: of a height's noise; assumed
 
 
@@ -64,6 +64,9 @@ def menu(model: RobotModel) -> list[RobotChoice]:
             told, name="watched", group="watched", height=(times, np.zeros(len(times)))
         )
         choices.append(RobotChoice("locomotion", {"observe": "mocap/base_z_m"}, watched))
+    if all(f.course.voltage is None for f in model.features):
+        read = replace(told, name="read", group="read", voltage=(times, np.zeros(len(times))))
+        choices.append(RobotChoice("locomotion", {"read": "present_voltage"}, read))
     return choices
 
 
@@ -79,9 +82,10 @@ def next_experiments(
         return []
     choices = menu(model)
     watched = Noise(HEIGHT_FLOOR_M, 0.1 * HEIGHT_FLOOR_M, MEMORY_S)
-    noise = {RobotKind.HEIGHT: watched} | dict(named.noise)
     found = []
     with RobotModel(model.base, robot, [choice.course for choice in choices]) as imagined:
+        noise = {RobotKind.HEIGHT: watched, RobotKind.VOLTAGE: voltage_noise(imagined, 1)}
+        noise |= dict(named.noise)
         for rival, other in rivals.items():
             distances = [
                 _distance(Sight(imagined, [r], MEANS), named, other, noise)

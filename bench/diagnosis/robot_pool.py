@@ -49,6 +49,7 @@ class Outcome:
 
     angle_rad: Floats
     height_m: Floats
+    voltage_v: Floats
     shaken: Floats
     speed_rad_s: Floats
     turn_rad: Floats
@@ -61,7 +62,8 @@ ROWS = tuple(field.name for field in fields(Outcome))
 
 def _key(robot: Robot, course: Course) -> str:
     """A hash of all that a replay of a recording depends on, but the job."""
-    arrays = (*course.sample_s, *course.wait_s, *course.position_rad, *(course.height or ()))
+    arrays = [*course.sample_s, *course.wait_s, *course.position_rad]
+    arrays += [*(course.height or ()), *(course.voltage or ())]
     goals = [part for goal in course.goals.values() for part in goal]
     told = sorted(course.condition.items(), key=str)
     return digest(code(), robot.document, told, course.start, course.events, *arrays, *goals)
@@ -96,8 +98,9 @@ class _Bench:
             track = play(robot, found.course, jitter, found.span if job.short else None)
         except PhysicsError:
             lost = np.full(len(found.bin), np.nan)
-            height, shaken = (np.full(len(x), np.nan) for x in (found.height_m, found.shaken))
-            return Outcome(lost, height, shaken, lost, lost, lost, lost)
+            others = (found.height_m, found.voltage_v, found.shaken)
+            height, volts, shaken = (np.full(len(x), np.nan) for x in others)
+            return Outcome(lost, height, volts, shaken, lost, lost, lost, lost)
         means = found.of_track(track)
         if job.short:
             none = np.empty(0)

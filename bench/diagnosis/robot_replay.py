@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.recording import Recording, RecordingError, joint_track
+from bench.recording.rules import READ
 from busemu.tables import Robot
 from sim.drive import kernel
 from sim.drive.parameters import pack
@@ -24,7 +25,8 @@ from .commands import drive_commands
 Floats = NDArray[np.float64]
 
 HEIGHT = "mocap/base_z_m"  #: of the trunk; other outside channels depend on where one stands
-BASE_EVERY = 10  #: ticks between two looks at the trunk and at the feet
+VOLTAGES = ("present_voltage", "present_input_voltage")  #: registers of the supply's voltage
+BASE_EVERY = 10  #: ticks between two looks at the trunk, the supply and the feet
 LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
 #: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
 LATE_S = 0.0015
@@ -52,6 +54,8 @@ class Course:
     quantum_rad: float
     goals: Mapping[str, tuple[Floats, Floats]]
     height: tuple[Floats, Floats] | None  #: times [s] and heights [m] of the trunk, if observed
+    #: times [s] and voltages [V] that servos had at their terminals, all of them, if any was read
+    voltage: tuple[Floats, Floats] | None = None
 
     @property
     def end_s(self) -> float:
@@ -103,7 +107,23 @@ def course(recording: Recording, robot: Robot) -> Course:
         quantum_rad=max(abs(t["present_position"].si_scale) for t in robot.tables.values()),
         goals={joint: (track.goal_t_s - origin, track.goal_rad) for joint, track in tracks.items()},
         height=(watched.t_sample_s - origin, watched.value) if len(watched.value) else None,
+        voltage=_voltage(recording, robot, origin),
     )
+
+
+def _voltage(recording: Recording, robot: Robot, origin_s: float) -> tuple[Floats, Floats] | None:
+    """Times [s] and values [V] of the servos' voltage registers together, if they were read."""
+    found = [
+        recording.si(mount.servo_id, name, READ)
+        for mount in robot.servos
+        for name in VOLTAGES
+        if name in robot.tables[mount.servo_id]
+    ]
+    times = np.concatenate([series.t_sample_s for series in found]) - origin_s
+    if len(times) < LEAST_SAMPLES:
+        return None
+    order = np.argsort(times, kind="stable")
+    return times[order], np.concatenate([series.value for series in found])[order]
 
 
 def _waits_s(recording: Recording, servo_id: int) -> Floats:
@@ -128,8 +148,9 @@ Span = tuple[float, float]  #: of a course [s]
 class Track:
     """A replay: sensed joint angles every tick (ticks, joints), and what was looked at meanwhile.
 
-    ``height_m`` are heights of the trunk at ``look_t_s``, none where nobody asks; ``stands``
-    (looks, legs) is whether a foot pressed on the ground. ``rest_m`` is the height of the trunk
+    ``height_m`` are heights of the trunk at ``look_t_s``, none where nobody asks, ``voltage_v``
+    what drives had then, their mean; ``stands`` (looks, legs) is whether a foot pressed on the
+    ground. ``rest_m`` is the height of the trunk
     before it moved. ``span`` are the instants of the course at which the replay says something: not
     before it has settled, where it began in the middle.
     """
@@ -137,6 +158,7 @@ class Track:
     angle_rad: Floats
     look_t_s: Floats
     height_m: Floats
+    voltage_v: Floats
     stands: NDArray[np.bool_]
     rest_m: float
     from_s: float
@@ -177,7 +199,7 @@ class _Stage(SteppedPlant):
         from_s, to_s = span or (0.0, course.end_s)
         ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
         sensed = np.empty((ticks, len(self._names)))
-        heights, stands = [], []
+        heights, volts, stands = [], [], []
         # a command acts from the first tick after it, as behind the bus
         acts_s = _acts_s(course.events, self._delays_s) + LATE_S - from_s
         due = np.floor(acts_s / TICK_S + 1e-6).astype(int) + 1
@@ -194,6 +216,7 @@ class _Stage(SteppedPlant):
             if tick % BASE_EVERY == 0:
                 ground = self._engine.contacts().ground_n
                 stands.append([ground.get(foot, 0.0) > 0.0 for foot in feet])
+                volts.append(float(self.bank.states[kernel.VOLTAGE].mean()))
                 if base:
                     heights.append(self._engine.observe()[HEIGHT])
             for _ in range(self._steps_per_tick):
@@ -202,7 +225,8 @@ class _Stage(SteppedPlant):
         settled = from_s + SETTLE_S if span else -np.inf
         angles = self._as_sensed(sensed)
         told = settled, to_s if span else np.inf
-        return Track(angles, times, np.array(heights), np.array(stands, bool), rest_m, from_s, told)
+        seen = np.array(heights), np.array(volts), np.array(stands, bool)
+        return Track(angles, times, *seen, rest_m, from_s, told)
 
     def _as_sensed(self, joint_rad: Floats) -> Floats:
         """What the servos' sensors make of the joints' angles, in the joints' frame."""

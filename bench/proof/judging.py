@@ -157,9 +157,10 @@ def judge(
 
 
 def _sight(key: Mapping[str, Any]) -> Sight:
-    """What the data can show; robots that walk read nothing but positions."""
+    """What the data can show; robots that walk read positions, and voltages at most."""
     if key["rig"] in SCENES:
-        return Sight(True, False, all_feet=key["concealment"] != Concealment.RARE.value)
+        only = key.get("style", POSITION_STYLE) == POSITION_STYLE
+        return Sight(only, False, all_feet=key["concealment"] != Concealment.RARE.value)
     return Sight(key["style"] == POSITION_STYLE, RIGS[key["rig"]].upright)
 
 

@@ -91,13 +91,15 @@ def test_gains_of_a_step_are_divided_by_one_inflation():
     assert [g.inflation for g in ordered] == [pytest.approx(2.0)] * 2
 
 
-def test_the_menu_is_the_recorded_walk_heavier_held_and_watched():
+def test_the_menu_is_the_recorded_walk_heavier_held_watched_and_with_the_voltage_read():
     features = [SimpleNamespace(course=walked())]
     choices = menu(SimpleNamespace(features=features, base=believed()))
-    heavier, held, watched = choices
+    heavier, held, watched, read = choices
     assert heavier.course.condition["trunk_load_kg"] == pytest.approx(
         HEAVIER * believed().mass_kg, abs=1e-3
     )
     assert held.course.condition["support"] == "suspended"
     assert watched.course.height is not None
+    assert read.course.voltage is not None
+    assert read.arguments == {"read": "present_voltage"}
     assert all((c.course.events == walked().events).all() for c in choices)

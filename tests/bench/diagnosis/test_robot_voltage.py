@@ -1,0 +1,147 @@
+"""The voltage registers of a robot: they tell a low supply from a low gain."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import cycle
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from walking_robots import believed, marvin, walked, walked_by
+
+from bench.diagnosis.robot_diagnosis import Work
+from bench.diagnosis.robot_effects import placed_effects
+from bench.diagnosis.robot_features import Features, RobotKind
+from bench.diagnosis.robot_fit import Sight, voltage_noise
+from bench.diagnosis.robot_model import VOLTAGE_FLOOR_V, VOLTAGE_SENSE, RobotModel
+from bench.diagnosis.robot_replay import LEAST_SAMPLES, course, play
+from bench.running import Steering, in_process, walk_in
+from busemu.tables import load_robot
+from busemu.timing import load_profile
+from sim.world import BulletPlant
+
+COUNT_V = 0.1  #: of the register
+LESS = 0.8  #: of what is believed
+
+
+@cache
+def read(name="marvin", reads=10**6):
+    """A walk whose program reads the voltage of one servo a cycle, so many times."""
+    robot = load_robot(name)
+    plant = BulletPlant(robot)
+    session = in_process(robot, plant, load_profile(robot.timing))
+    ids, left = cycle(robot.by_id), iter(range(reads))
+
+    def one(_):
+        if next(left, None) is not None:
+            session.client.read(next(ids), "present_voltage")
+
+    walk_in(session, Steering(seconds=4.5), one)
+    plant.close()
+    return session.recording("walk-1", "walk")
+
+
+def told(robot):
+    """What a walk of a robot shows, voltages and all, in counts."""
+    seen = course(read(), marvin())
+    moved, track = walked_by(robot, 2), play(robot, seen)
+    times, _ = seen.voltage
+    volts = np.round(np.interp(times, track.look_t_s, track.voltage_v) / COUNT_V) * COUNT_V
+    return replace(moved, voltage=(times, volts), name="told")
+
+
+def with_supply(share):
+    supply = believed().supply
+    return replace(believed(), supply=replace(supply, voltage_v=share * supply.voltage_v))
+
+
+def with_gain(share):
+    gain = placed_effects(believed())["gain_error@all"]
+    return gain.apply(believed(), share)
+
+
+@pytest.mark.parametrize("name", ["marvin", "phantomx"])
+def test_registers_of_all_servos_are_one_voltage_over_the_phase(name):
+    seen = course(read(name), load_robot(name))
+    times, _ = seen.voltage
+    assert (np.diff(times) >= 0.0).all()
+    assert len(times) > 100
+    features = Features.of(seen, load_robot(name))
+    modelled = features.of_track(play(believed() if name == "marvin" else _physical(name), seen))
+    known = np.isfinite(features.voltage_v)
+    assert known.mean() > 0.9
+    # the same robot: what is left is the register's step, and none of it lasts
+    left = (features.voltage_v - modelled.voltage_v)[known]
+    assert np.abs(left).max() < COUNT_V
+    assert abs(left.mean()) < 0.5 * COUNT_V
+
+
+def _physical(name):
+    from sim.model import read_model  # noqa: PLC0415 - of one case
+
+    return read_model(load_robot(name))
+
+
+def test_without_voltages_or_with_too_few_there_is_no_such_channel():
+    assert walked().voltage is None
+    assert len(Features.of(walked(), marvin()).voltage_v) == 0
+    assert course(read(reads=LEAST_SAMPLES - 1), marvin()).voltage is None
+    assert course(read(reads=LEAST_SAMPLES), marvin()).voltage is not None
+
+
+@pytest.fixture(scope="module")
+def model():
+    courses = [told(believed()), told(with_supply(LESS)), told(with_gain(LESS))]
+    with RobotModel(believed(), marvin(), courses, processes=1) as made:
+        yield made
+
+
+def test_replays_have_the_voltage_and_less_of_it_where_the_supply_has_less(model):
+    volts = believed().supply.voltage_v
+    kind = RobotKind.VOLTAGE
+    plain, less, gain = (
+        np.nanmean(model.recorded(r, kind) - model.centre[r][kind]) for r in range(3)
+    )
+    assert abs(plain) < 0.5 * COUNT_V
+    assert less == pytest.approx(-(1.0 - LESS) * volts, abs=COUNT_V)
+    assert abs(gain) < 0.5 * COUNT_V
+    k = [n.name for n in model.nuisances].index("supply")
+    trace = model.traces[0][kind][:, k] / model.nuisances[k].deviation
+    assert trace.mean() == pytest.approx(volts, rel=0.05)
+
+
+def test_a_voltage_tells_a_supply_from_a_gain(model):
+    names = ("supply_voltage@all", "gain_error@all")
+
+    def ahead(r, kinds):
+        """How much better a supply fits a recording than a gain does [nats]."""
+        sight = Sight(model, [r], kinds)
+        supply, gain = (sight.fit((name,), None).cost for name in names)
+        return gain - supply
+
+    joints, both = (RobotKind.JOINTS,), (RobotKind.JOINTS, RobotKind.VOLTAGE)
+    assert ahead(1, both) > ahead(1, joints) + 5.0
+    assert ahead(2, both) < ahead(2, joints) - 5.0
+
+
+@pytest.mark.parametrize("recordings", [1, 4])
+def test_all_recordings_together_tell_a_voltage_once(model, recordings):
+    noise = voltage_noise(model, recordings)
+    level = VOLTAGE_SENSE * believed().supply.voltage_v
+    once = np.sqrt(recordings)
+    assert (noise.white, noise.coloured) == pytest.approx((VOLTAGE_FLOOR_V * once, level * once))
+    sight = Sight(model, [0, 1, 2], [RobotKind.VOLTAGE])
+    blocks = sight.blocks((), np.zeros(len(model.nuisances)))
+    assert sight.noise(blocks)[RobotKind.VOLTAGE] == voltage_noise(model, 3)
+
+
+@pytest.mark.parametrize("recorded", [False, True])
+def test_the_report_says_that_nobody_read_a_voltage(recorded):
+    floors = {RobotKind.VOLTAGE: 0.05} if recorded else {}
+    work = Work.__new__(Work)
+    work.held_out = True
+    work.which = [0]
+    features = [SimpleNamespace(course=SimpleNamespace(condition={}))]
+    work.model = SimpleNamespace(floors=lambda: floors, features=features, nuisances=())
+    said = " ".join(work._limits(SimpleNamespace(nuisances=np.empty(0))))
+    assert ("nobody read a voltage" in said) is not recorded
