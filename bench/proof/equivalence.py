@@ -16,6 +16,7 @@ class Sight:
     position_only: bool  #: neither duty, load nor voltage register was read
     upright: bool  #: the shaft is vertical: gravity does no work
     all_feet: bool = False  #: a robot walks, and what is hidden is in all legs alike
+    no_duty: bool = False  #: neither duty nor load register was read; a voltage may have been
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +28,7 @@ class Alike:
     position_only: bool = False  #: holds only where nothing but positions was read
     upright: bool = False  #: holds only on a vertical shaft
     all_feet: bool = False  #: holds only of all feet of a robot that walks
+    no_duty: bool = False  #: holds only where neither duty nor load was read
 
     def holds(self, sight: Sight) -> bool:
         """Whether the data cannot tell them apart."""
@@ -34,6 +36,7 @@ class Alike:
             (sight.position_only or not self.position_only)
             and (sight.upright or not self.upright)
             and (sight.all_feet or not self.all_feet)
+            and (sight.no_duty or sight.position_only or not self.no_duty)
         )
 
 
@@ -49,12 +52,17 @@ ALIKE = (
     Alike(
         frozenset({"transport_delay", "read_skew"}),
         "a goal that acts late and a position that is shown late are one shift of time",
-        position_only=True,
+        no_duty=True,
     ),
     Alike(
         frozenset({"gain_error", "supply_voltage", "torque_constant"}),
         "each scales the torque for an error; below full duty nothing else",
         position_only=True,
+    ),
+    Alike(
+        frozenset({"gain_error", "torque_constant"}),
+        "each scales the torque for an error, and none the voltage",
+        no_duty=True,
     ),
     Alike(
         frozenset({"torque_limit", "voltage_sag"}),

@@ -160,7 +160,8 @@ def _sight(key: Mapping[str, Any]) -> Sight:
     """What the data can show; robots that walk read positions, and voltages at most."""
     if key["rig"] in SCENES:
         only = key.get("style", POSITION_STYLE) == POSITION_STYLE
-        return Sight(only, False, all_feet=key["concealment"] != Concealment.RARE.value)
+        every = key["concealment"] != Concealment.RARE.value
+        return Sight(only, upright=False, all_feet=every, no_duty=True)
     return Sight(key["style"] == POSITION_STYLE, RIGS[key["rig"]].upright)
 
 

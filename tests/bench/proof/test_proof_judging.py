@@ -4,6 +4,7 @@ import pytest
 from judged_cases import cause, diagnosis, effect, judged, key
 
 from bench.proof.equivalence import ALIKE, Sight, same
+from bench.proof.judging import _sight
 from sim.effects import catalogue
 
 BACKLASH = effect("backlash", width_rad=(0.02, 0.0))
@@ -160,8 +161,27 @@ def test_classes_are_of_effects_of_the_catalogue():
 
 
 def test_an_effect_is_the_same_as_itself_and_classes_do_not_run_into_each_other():
-    for sight in (Sight(p, u) for p in (False, True) for u in (False, True)):
+    sights = [Sight(p, u) for p in (False, True) for u in (False, True)]
+    for sight in (*sights, Sight(position_only=False, upright=False, no_duty=True)):
         for name in catalogue():
             own = same(name, sight)
             assert name in own
             assert all(same(other, sight) == own for other in own)
+
+
+@pytest.mark.parametrize(
+    ("style", "one"),
+    [
+        (None, {"gain_error", "supply_voltage", "torque_constant"}),
+        ("position", {"gain_error", "supply_voltage", "torque_constant"}),
+        ("position and voltage", {"gain_error", "torque_constant"}),
+    ],
+)
+def test_a_voltage_that_a_robot_read_tells_a_supply_from_a_gain(style, one):
+    told = {"rig": "marvin-walk", "concealment": "plain"} | ({"style": style} if style else {})
+    sight = _sight(told)
+    assert same("gain_error", sight) == one
+    assert same("torque_limit", sight) == (
+        {"torque_limit"} if "voltage" in str(style) else {"torque_limit", "voltage_sag"}
+    )
+    assert same("read_skew", sight) == {"transport_delay", "read_skew"}
