@@ -22,6 +22,7 @@ from .robot_fit import RobotFit
 from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_causes, of_nuisances
 from .robot_judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
+from .robot_limits import limits, other_volts, stand_in
 from .robot_model import RATTLING, RobotModel
 from .robot_next import next_experiments
 from .robot_places import mismatch, moved
@@ -33,8 +34,6 @@ from .robot_settling import RobotJudges
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
-
-FAR = 3.0  #: deviations of its prior at which a tolerance is worth a word
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +135,8 @@ class Work:
         rmse = [steady_rmse_rad(shown, judged) for judged in (believed, better)]
         floor = floor_rad(model, self.judges)
         ends = () if causes else self.held.strained(after)
-        left = bool(ends) or rest.structured or is_worse(rmse[0], rmse[1], floor)
+        volts = self.held.volts_denied(after)
+        left = bool(ends or volts) or rest.structured or is_worse(rmse[0], rmse[1], floor)
         verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
@@ -153,8 +153,9 @@ class Work:
             unexplained=(_unexplained(rest),) if rest.structured or ends else (),
             next_experiment=tuple(nexts),
             limits=(
-                *self._limits(after),
-                *_stand_in(ends),
+                *limits(model, after, self.which, self.held_out),
+                *stand_in(ends),
+                *other_volts(volts),
                 *told(play is not None, shakes, shook, shaken),
             ),
             channels=self._channels(found, after),
@@ -259,47 +260,6 @@ class Work:
                 )
         return causes, nexts, of_causes(placed, self.told)
 
-    def _limits(self, after: RobotFit) -> tuple[str, ...]:
-        model = self.model
-        said = [
-            "joints are compared by their means over the phase of the gait (over quarters of a "
-            "second where there is no gait): what differs from cycle to cycle is not judged",
-            "the fit before and after is that of the samples in which the robot walks (or of all "
-            "after the first second): how it stands up before depends on how it lay",
-            "load and temperature registers are not used for a whole robot",
-        ]
-        if RobotKind.VOLTAGE not in model.floors():
-            said.append(
-                "nobody read a voltage: a weak motor, a low supply and a low gain are hard to tell "
-                "apart; read present_voltage of one servo a cycle, by turns"
-            )
-        if RobotKind.HEIGHT not in model.floors():
-            said.append(
-                "nobody watched the trunk: what gives way under the feet is seen by what joints "
-                "do about it only; mocap/base_z_m shows it directly"
-            )
-        weights = {
-            float(f.course.condition.get("payload_kg", f.course.condition.get("trunk_load_kg", 0)))
-            for f in (model.features[r] for r in self.which)
-        }
-        if len(weights) < 2:
-            said.append(
-                "one load in all recordings that were fitted: what gives way under load and what "
-                "is merely elsewhere are hard to tell apart; walk with a weight on the trunk"
-            )
-        if not self.held_out:
-            said.append("no recording was held out: what is named was judged on what was fitted")
-        far = [
-            n.name
-            for n, x in zip(model.nuisances, after.nuisances.tolist(), strict=False)
-            if abs(x) > FAR
-        ]
-        if far:
-            said.append(
-                f"taken far outside of what was believed without being named: {', '.join(far)}"
-            )
-        return tuple(said)
-
     def _channels(self, found: RobotFindings, after: RobotFit) -> tuple[Mapping[str, Any], ...]:
         rows = []
         for kind, floor in self.model.floors().items():
@@ -357,16 +317,6 @@ class Work:
                 and np.isfinite(size := self.model.placed[s.name].knob.value(s.floor_z))
             },
         }
-
-
-def _stand_in(ends: Sequence[str]) -> tuple[str, ...]:
-    """What is to be said of tolerances that stand in for what has no name."""
-    if not ends:
-        return ()
-    return (
-        f"tolerances that are as far off as they may be: {', '.join(ends)}; they stand in for "
-        "something that has no name here: measure one of them and put it into the robot file",
-    )
 
 
 def _unexplained(rest: Rest) -> Mapping[str, Any]:

@@ -12,7 +12,7 @@ from busemu.tables import Robot
 
 from .growing import RELIEF
 from .robot_features import RobotKind
-from .robot_fit import RobotFit
+from .robot_fit import RobotFit, voltage_noise
 from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad, steady_rmse_rad
@@ -22,6 +22,7 @@ from .robot_search import AT_END, WORSE, Progress, RobotSearch
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
 FITTED, JUDGED = 0.6, 1.8
+VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 ENDS = 1  #: so many of 15 tolerances may be at their ends; ten nulls of another engine had 0 or 1
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 NO_BETTER = "recordings that were not used to fit are no better with it"
@@ -65,12 +66,22 @@ class RobotJudges:
 
         Of recordings that it was fitted to tolerances take much away; on others they cannot. Nor is
         a robot as believed of which several tolerances have gone to their ends: something is the
-        matter for which they stand in.
+        matter for which they stand in. Nor one whose servos show another voltage.
         """
-        if len(self.at_ends(base)) > ENDS:
+        if len(self.at_ends(base)) > ENDS or self.volts_denied(base):
             return False
         fitted = self.over_noise(base, self.which) < FITTED
         return fitted and (not self.held_out or self.over_noise(base, self.judges) < JUDGED)
+
+    def volts_denied(self, found: RobotFit) -> float:
+        """How much more voltage servos show than a fit has [V], where that is too much; else 0."""
+        self.model.recentre(found.settings, found.nuisances, self.judges)
+        blocks = self.model.residuals(found.names, found.z, self.judges)
+        own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
+        if not own:
+            return 0.0
+        more = float(np.mean(np.concatenate(own)))
+        return more if abs(more) > VOLTS_OFF * voltage_noise(self.model, 1).coloured else 0.0
 
     def strained(self, found: RobotFit) -> tuple[str, ...]:
         """Tolerances at their ends, if they stand in for something that has no name.

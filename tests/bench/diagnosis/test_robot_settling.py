@@ -9,29 +9,45 @@ import pytest
 from bench.diagnosis.growing import RELIEF
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_limits import other_volts
+from bench.diagnosis.robot_model import VOLTAGE_SENSE
 from bench.diagnosis.robot_nuisances import RobotNuisance
 from bench.diagnosis.robot_search import WORSE
-from bench.diagnosis.robot_settling import FITTED, JUDGED, LITTLE, NO_BETTER, RobotJudges, Squares
+from bench.diagnosis.robot_settling import (
+    FITTED,
+    JUDGED,
+    LITTLE,
+    NO_BETTER,
+    VOLTS_OFF,
+    RobotJudges,
+    Squares,
+)
 
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
 FITS, JUDGES = (0, 1), (2,)
+SUPPLY_V = 10.0
 
 
-def judges(left, held_out=True):
-    """Of a model whose recordings leave so much, RMS [rad] by recording."""
+def judges(left, held_out=True, volts=None):
+    """Of a model whose recordings leave so much, RMS [rad] by recording, and of voltages [V]."""
 
     def residuals(names, z, which):
         rows = np.arange(100) * 1.0
-        return {
+        found = {
             (r, RobotKind.JOINTS): Block(rows, np.full(100, left[r]), np.full(100, EXTRA_RAD2))
             for r in which
         }
+        if volts is not None:
+            wave = volts + 0.2 * np.sin(rows)
+            found |= {(r, RobotKind.VOLTAGE): Block(rows, wave, 0.0 * rows) for r in which}
+        return found
 
     model = SimpleNamespace(
         floors=lambda: {RobotKind.JOINTS: FLOOR_RAD},
         recentre=lambda settings, z, which: 0.0,
         residuals=residuals,
         nuisances=TOLERANCES,
+        base=SimpleNamespace(supply=SimpleNamespace(voltage_v=SUPPLY_V)),
     )
     return RobotJudges(
         SimpleNamespace(model=model), None, FITS, JUDGES if held_out else FITS, held_out
@@ -76,6 +92,24 @@ def test_what_is_left_is_told_in_squares_of_noise():
 def test_a_robot_is_as_believed_where_neither_leaves_more_than_noise(fitted, judged, expected):
     left = {0: rms(fitted), 1: rms(fitted), 2: rms(judged)}
     assert judges(left).consistent(BASE) is expected
+
+
+@pytest.mark.parametrize(
+    ("share", "denied"), [(0.0, False), (0.9, False), (-0.9, False), (1.1, True), (-1.1, True)]
+)
+def test_a_robot_is_not_as_believed_where_its_servos_show_another_voltage(share, denied):
+    volts = share * VOLTS_OFF * VOLTAGE_SENSE * SUPPLY_V
+    left = {0: rms(0.9 * FITTED), 1: rms(0.9 * FITTED), 2: rms(0.9 * JUDGED)}
+    found = judges(left, volts=volts)
+    assert found.consistent(BASE) is not denied
+    assert found.volts_denied(BASE) == pytest.approx(volts if denied else 0.0, abs=0.01)
+    assert judges(left).volts_denied(BASE) == 0.0
+
+
+def test_what_servos_show_and_nobody_explains_is_told():
+    assert other_volts(0.0) == ()
+    assert "servos show 1.30 V less than" in other_volts(-1.3)[0]
+    assert "servos show 0.70 V more than" in other_volts(0.7)[0]
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked, walked_by
 
-from bench.diagnosis.robot_diagnosis import Work
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_features import Features, RobotKind
 from bench.diagnosis.robot_fit import Sight, voltage_noise
+from bench.diagnosis.robot_limits import limits
 from bench.diagnosis.robot_model import VOLTAGE_FLOOR_V, VOLTAGE_SENSE, RobotModel
 from bench.diagnosis.robot_replay import LEAST_SAMPLES, course, play
 from bench.running import Steering, in_process, walk_in
@@ -138,10 +138,7 @@ def test_all_recordings_together_tell_a_voltage_once(model, recordings):
 @pytest.mark.parametrize("recorded", [False, True])
 def test_the_report_says_that_nobody_read_a_voltage(recorded):
     floors = {RobotKind.VOLTAGE: 0.05} if recorded else {}
-    work = Work.__new__(Work)
-    work.held_out = True
-    work.which = [0]
     features = [SimpleNamespace(course=SimpleNamespace(condition={}))]
-    work.model = SimpleNamespace(floors=lambda: floors, features=features, nuisances=())
-    said = " ".join(work._limits(SimpleNamespace(nuisances=np.empty(0))))
+    model = SimpleNamespace(floors=lambda: floors, features=features, nuisances=())
+    said = " ".join(limits(model, SimpleNamespace(nuisances=np.empty(0)), [0], held_out=True))
     assert ("nobody read a voltage" in said) is not recorded
