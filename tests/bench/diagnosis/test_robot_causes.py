@@ -1,5 +1,6 @@
 """Causes of a whole robot from what a search found: chances, rivals, the next walk."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -103,3 +104,10 @@ def test_the_menu_is_the_recorded_walk_heavier_held_watched_and_with_the_voltage
     assert read.course.voltage is not None
     assert read.arguments == {"read": "present_voltage"}
     assert all((c.course.events == walked().events).all() for c in choices)
+
+
+def test_nobody_is_told_to_read_a_voltage_that_was_read():
+    seen = replace(walked(), voltage=(np.arange(3.0), np.full(3, 7.4)))
+    choices = menu(SimpleNamespace(features=[SimpleNamespace(course=seen)], base=believed()))
+    assert not any("read" in choice.arguments for choice in choices)
+    assert all(choice.course.voltage is seen.voltage for choice in choices)
