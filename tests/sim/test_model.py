@@ -118,7 +118,7 @@ REFUSED = {
     ),
     "out of bounds, by its effect": (
         parameters(value=0.5, source="a"),
-        "effect backlash: width_rad = 0.5 rad is not within 0 to 0.1 rad",
+        "effect backlash: width_rad = 0.5 rad is not within 0 to 0.25 rad",
     ),
     "unknown place, and which there are": (
         {**PLAY, "where": ["leg7.tibia"]},

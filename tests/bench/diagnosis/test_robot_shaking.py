@@ -25,7 +25,7 @@ JOINTS = [joint.name for joint in believed().joints]
 
 @cache
 def modelled():
-    return Features.of(walked(), marvin()).of_track(play(believed(), walked()))[2]
+    return Features.of(walked(), marvin()).of_track(play(believed(), walked())).shaken
 
 
 def more(recorded):
