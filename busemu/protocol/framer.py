@@ -212,7 +212,7 @@ class Framer:
             if reported < start:
                 found.append(Noise(buffer[reported:start]))
             found.append(packet)
-            reported = end
+            reported = max(reported, end)  # a sound packet within a bad one may end before it
         else:
             start = needed = size
         if reported < start:

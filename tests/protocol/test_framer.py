@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from test_codecs import BLOCKS, INSTRUCTIONS_1, INSTRUCTIONS_2, STATUSES_2
 
@@ -87,6 +87,9 @@ def test_the_chunks_of_a_stream_do_not_matter(protocol, role, stream, data):
 
 @pytest.mark.parametrize(("protocol", "role"), KINDS)
 @given(stream=STREAMS)
+@example(  # a sound packet within a bad one, which ends after it
+    stream=bytes.fromhex("fffffd0000090000000001fbffffe512ffff000c0000000000000000000000f30000")
+)
 def test_no_bytes_are_an_error_or_lost_and_memory_is_bounded(protocol, role, stream):
     framer = Framer(protocol, role=role)
     noise = bad = 0
