@@ -15,6 +15,7 @@ from .words import (
     UNITS,
     chance,
     degrees,
+    in_few,
     joined,
     number,
     percent,
@@ -52,7 +53,7 @@ def interval(estimate: Estimate) -> str:
 
 def named(cause: Cause) -> str:
     """A cause with its place: ``backlash of arm``."""
-    return f"{plain(cause.effect)} of {joined(cause.scope)}" if cause.scope else plain(cause.effect)
+    return f"{plain(cause.effect)} of {in_few(cause.scope)}" if cause.scope else plain(cause.effect)
 
 
 def judged_on(diagnosis: Diagnosis) -> str:
@@ -67,7 +68,7 @@ def judged_on(diagnosis: Diagnosis) -> str:
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in a sentence or two."""
     names = joined(_with_rivals(cause) for cause in diagnosis.causes)
-    joints = joined(sorted({joint for m in diagnosis.mismatch for joint in m["joints"]}))
+    joints = in_few(sorted({joint for m in diagnosis.mismatch for joint in m["joints"]}))
     at = f" at {joints}" if joints else ""
     if diagnosis.verdict == "consistent":
         return (
@@ -200,7 +201,7 @@ def _at_any_joint(diagnosis: Diagnosis, detail: str) -> bool:
 def places(diagnosis: Diagnosis) -> list[str]:
     """Where the mismatch lives, a sentence a part of the motion."""
     return [
-        f"{joined(m['joints'])} {phase(m['phase'])}: {percent(m['share'])} of the misfit"
+        f"{in_few(m['joints'])} {phase(m['phase'])}: {percent(m['share'])} of the misfit"
         + (f" in {percent(m['time_share'])} of the time" if "time_share" in m else "")
         + f" ({chance(m['p_value'])})"
         for m in diagnosis.mismatch
@@ -270,7 +271,7 @@ def remains(unexplained: Mapping[str, Any]) -> str:
     """What is left unexplained, and where."""
     where = joined(phase(name) for name in unexplained.get("where", ()))
     share, size = unexplained.get("share"), unexplained.get("predictable_rad")
-    told = joined(unexplained.get("joints", ())) or "somewhere"
+    told = in_few(unexplained.get("joints", ())) or "somewhere"
     if share is not None and share <= 0.0:
         told += ": what is left is more than noise, and the recordings do not agree about it"
     elif size is not None:

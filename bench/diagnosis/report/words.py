@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from sim.effects import catalogue
@@ -143,6 +144,34 @@ def meaning(effect: str) -> str:
 def phase(name: str) -> str:
     """When in a motion."""
     return PHASES.get(name, plain(name))
+
+
+#: a leg, or a joint of one; so many of them are told in few words
+LEGGED, FEW = re.compile(r"(?P<leg>leg\d+)(?:\.(?P<part>\w+))?"), 4
+
+
+def in_few(names: Iterable[str]) -> str:
+    """Joints or legs in few words: ``femur and tibia of leg1 to leg6``; a few as they are."""
+    every = list(names)
+    told = [LEGGED.fullmatch(name) for name in every]
+    if len(every) < FEW or not all(told):
+        return joined(every)
+    parts: dict[str, list[str]] = {}
+    for match in told:
+        assert match is not None
+        parts.setdefault(match["leg"], []).append(match["part"] or "")
+    alike: dict[str, list[str]] = {}
+    for leg in sorted(parts, key=lambda leg: int(leg[3:])):
+        alike.setdefault(joined(sorted(filter(None, parts[leg]))), []).append(leg)
+    return joined(f"{own} of {_run(legs)}" if own else _run(legs) for own, legs in alike.items())
+
+
+def _run(legs: Sequence[str]) -> str:
+    """Legs in order, those that follow each other by the first and the last."""
+    numbers = [int(leg[3:]) for leg in legs]
+    if len(legs) > 2 and numbers[-1] - numbers[0] == len(legs) - 1:
+        return f"{legs[0]} to {legs[-1]}"
+    return joined(legs)
 
 
 def joined(parts: Iterable[str], last: str = "and") -> str:

@@ -1,0 +1,34 @@
+"""Joints and legs in few words."""
+
+import pytest
+
+from bench.diagnosis.report.words import in_few
+
+SEGMENTS = ("coxa", "femur", "tibia")
+
+
+def joints(legs, segments=SEGMENTS):
+    return [f"leg{n}.{segment}" for n in legs for segment in segments]
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        ([], ""),
+        (["shoulder"], "shoulder"),
+        (joints([2]), "leg2.coxa, leg2.femur and leg2.tibia"),
+        (joints(range(1, 7)), "coxa, femur and tibia of leg1 to leg6"),
+        (joints(range(1, 7), ["tibia"]), "tibia of leg1 to leg6"),
+        (joints([1, 2, 5, 6], ["femur"]), "femur of leg1, leg2, leg5 and leg6"),
+        ([f"leg{n}" for n in range(1, 7)], "leg1 to leg6"),
+        (
+            [*joints([1, 2, 3], ["femur"]), *joints([3], ["tibia"])],
+            "femur of leg1 and leg2 and femur and tibia of leg3",
+        ),
+        (["a", "b", "c", "d", "e"], "a, b, c, d and e"),
+        ([*joints([1]), "trunk"], "leg1.coxa, leg1.femur, leg1.tibia and trunk"),
+        (["leg10.tibia", *joints([7, 8, 9], ["tibia"])], "tibia of leg7 to leg10"),
+    ],
+)
+def test_many_joints_of_legs_are_told_in_few_words(names, told):
+    assert in_few(names) == told
