@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -106,28 +106,34 @@ class Work:
     def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
         """Search, judge, and say what was found."""
         model = self.model
-        base = self.search.believed()
-        found, after = self.search.nothing(base), base
+        base = begun = self.search.believed()
+        play = self._play(base, without)
+        if play is not None:
+            begun, without = self._with_play(base, play), without | RATTLING
+        found, after = self.search.nothing(begun), begun
         taken: list[RobotGain] = []
         rejected: list[Mapping[str, Any]] = []
-        if not self.held.consistent(base):
-            found, taken, after, rejected = self.searched(base, without)
-        play = self._play(after, without)
-        if play is not None or self.rattling.denies(after):
+        if not self.held.consistent(begun):
+            found, taken, after, rejected = self.searched(begun, without)
+        if play is None and self.rattling.denies(after):
             taken, after = self._without_play(found, taken, after)
+        if play is not None and not self.rattling.bears_out(play.beside(after)):
+            if play.gain.name in after.names:
+                after = self.held.without(begun, after, play.gain.name)
+            play, found = None, replace(found, base=base)
+        whole = after if play is None else play.beside(after)
         self.held.square(after, sorted({*self.which, *self.judges}))
         rest = rest_of(model, after, self.which, self.judges)
         self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after, rest)
-        whole = after
         if play is not None:
             causes.append(play.cause)
             placed = model.placed[play.gain.name]
             extra += of_causes([(placed, play.cause.parameters)], self.told)
-            whole = play.beside(after)
-        shaken, shook = self.rattling.more(whole), self.rattling.left(found.base, self.judges)
+            found = replace(found, base=base)
+        shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)
         shakes = self.rattling.left(whole, self.judges)
-        believed = judge(model, self.robot, found.base.nuisances, (), self.judges)
+        believed = judge(model, self.robot, base.nuisances, (), self.judges)
         better = believed
         if extra:
             better = judge(model, self.robot, after.nuisances, extra, self.judges)
@@ -174,17 +180,27 @@ class Work:
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 
-    def _play(self, after: RobotFit, without: frozenset[str]) -> Play | None:
-        """Play that shaking shows beside what was found, if there is time."""
+    def _play(self, base: RobotFit, without: frozenset[str]) -> Play | None:
+        """Play that shaking shows, if there is time."""
         try:
-            return self.rattling.named(after, without)
+            return self.rattling.named(base, without)
         except OutOfTimeError:
             return None
+
+    def _with_play(self, base: RobotFit, play: Play) -> RobotFit:
+        """What the operator believes with as much play as shaking says, where that is no worse.
+
+        Where much rattles, means over the phase are nearer to those of a robot without.
+        """
+        name = play.gain.name
+        self.search.sight.held[name] = play.knob
+        loose = self.search.thoroughly((name,), np.array([play.knob]), base.noise)
+        return loose if loose.cost < base.cost else base
 
     def _without_play(
         self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit
     ) -> tuple[list[RobotGain], RobotFit]:
-        """What was found but play, of which shaking says more than means over the phase do."""
+        """What was found but play that shaking denies."""
         kept = []
         for gain in taken:
             if self.model.placed[gain.name].effect.name in RATTLING:
@@ -198,15 +214,18 @@ class Work:
     ) -> tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
         """What a search found, the names that hold, the fit with them, and those taken back.
 
-        Where the first name is taken back there is a second search without it, if there is time.
+        No more names are looked for where a robot with them is as far from its recordings as one
+        that is as believed. Where the first name is taken back there is a second search without it,
+        if there is time.
         """
-        found = self.search.run(without=without, base=base)
+        done = self.held.consistent
+        found = self.search.run(without=without, base=base, done=done)
         taken, after, rejected = self.held.kept(found, self.tell)
         if not found.taken or found.taken[0] in taken:
             return found, taken, after, rejected
         without |= {self.model.placed[found.taken[0].name].effect.name}
         try:
-            found = self.search.run(without=without, base=base)
+            found = self.search.run(without=without, base=base, done=done)
         except OutOfTimeError:
             return found, taken, after, rejected
         taken, after, more = self.held.kept(found, self.tell)
@@ -293,8 +312,8 @@ class Work:
         return {
             "replays": self.model.replays.count,
             "phase_rms_rad": {
-                "with_tolerances": found.rms_before_rad,
-                "after": found.rms_after_rad,
+                "with_tolerances": self.held.square(found.base, self.which) ** 0.5,
+                "after": self.held.square(after, self.which) ** 0.5,
                 "after_held_out": rest.rms_rad,
             },
             "nuisances": {

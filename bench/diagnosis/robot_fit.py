@@ -64,11 +64,15 @@ def voltage_noise(model: RobotModel, recordings: int) -> Noise:
 
 
 class Sight:
-    """Some recordings and kinds of channels of a model: what a fit is allowed to see."""
+    """Some recordings and kinds of channels of a model: what a fit is allowed to see.
+
+    ``held`` are knobs that are known from elsewhere, by the names of their effects.
+    """
 
     def __init__(self, model: RobotModel, which: Sequence[int], kinds: Iterable[RobotKind]) -> None:
         self.model, self.which = model, tuple(which)
         self.kinds = tuple(kind for kind in kinds if kind in model.floors())
+        self.held: dict[str, float] = {}
 
     def blocks(
         self, names: Sequence[str], z: Floats, which: Sequence[int] | None = None
@@ -136,11 +140,14 @@ class Sight:
         return RobotFit(found.names, found.z, noise, total)
 
     def box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
-        """The least and the greatest of every number; idle nuisances stay at 0."""
+        """The least and the greatest of every number; idle nuisances stay at 0, held knobs too."""
         own = [
             (0.0, 0.0) if {*n.same, *n.idle} & set(names) else n.ends for n in self.model.nuisances
         ]
-        low, high = zip(*own, *(self.model.placed[name].knob.bounds for name in names), strict=True)
+        for name in names:
+            known = self.held.get(name)
+            own.append(self.model.placed[name].knob.bounds if known is None else (known, known))
+        low, high = zip(*own, strict=True)
         return np.array(low), np.array(high)
 
     def _prior(self, z: Floats, names: Sequence[str]) -> float:

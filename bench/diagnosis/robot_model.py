@@ -71,7 +71,11 @@ def rows_of(outcome: Outcome) -> Rows:
 
 
 def _rattles(job: Job) -> bool:
-    return any(name.partition("@")[0] in RATTLING and z > 0.0 for name, z in job.effects)
+    return any(_is_play(name) and z > 0.0 for name, z in job.effects)
+
+
+def _is_play(name: str) -> bool:
+    return name.partition("@")[0] in RATTLING
 
 
 def _mean(every: Sequence[Rows]) -> Rows:
@@ -130,6 +134,7 @@ class RobotModel:
         say("replaying from slightly other starts")
         self.spread = self._spread()
         say("replaying with what is never exactly as believed")
+        self._shown: dict[tuple[int, str], Rows] = {}  #: what trials do to motions, for one unit
         self.traces = self._traces(nothing, ())
         self._data = [self._recorded(f) for f in self.features]
         self._extra = [self._variance(r) for r in self._every]
@@ -174,33 +179,40 @@ class RobotModel:
         spread = self.spread[self.motion[r]]
         return spread | {RobotKind.JOINTS: outcome.scatter_rad2 + spread[RobotKind.JOINTS]}
 
-    def retrace(self, settings: Sequence[tuple[str, float]], z: Floats) -> None:
+    def retrace(
+        self, settings: Sequence[tuple[str, float]], z: Floats, but: Collection[str] = ()
+    ) -> None:
         """Take what nuisances do from replays around effects and nuisances where a fit has led.
 
-        The same small things move a robot otherwise that is changed much.
+        The same small things move a robot otherwise that is changed much. What those do whose first
+        word is in ``but`` stays as it was taken last. Play is left out: when teeth rattle is
+        chance, and beside small things that is what one would see.
         """
         at = replayable(self.nuisances, z)
-        self.traces = self._traces(tuple(settings), tuple(at.tolist()) if at.any() else ())
+        quiet = tuple((name, x) for name, x in settings if not _is_play(name))
+        self.traces = self._traces(quiet, tuple(at.tolist()) if at.any() else (), but)
 
-    def _traces(self, settings: Settings, at: tuple[float, ...]) -> list[Rows]:
+    def _traces(
+        self, settings: Settings, at: tuple[float, ...], but: Collection[str] = ()
+    ) -> list[Rows]:
         """By recording and kind: rows x nuisances, each for one deviation of its prior."""
         motions = sorted(set(self._like))
-        every = ("", *(trial.name for trial in self._trials))
+        some = [trial for trial in self._trials if trial.name.split()[0] not in but]
         jobs = [
             Job(m, settings, trial=name, nuisances=at, short=True)
             for m in motions
-            for name in every
+            for name in ("", *(trial.name for trial in some))
         ]
         found = iter(self._run(jobs))
         traces = {}
         for m in motions:
-            middle, by_trial = next(found), {}
-            for trial in self._trials:
+            middle = next(found)
+            for trial in some:
                 rows = next(found)
-                by_trial[trial.name] = {
+                self._shown[m, trial.name] = {
                     kind: (rows[kind] - base) / trial.size for kind, base in middle.items()
                 }
-            columns = [self._trace(m, nuisance, by_trial) for nuisance in self.nuisances]
+            columns = [self._trace(m, nuisance) for nuisance in self.nuisances]
             traces[m] = {
                 kind: np.nan_to_num(np.stack([column[kind] for column in columns], axis=1))
                 for kind in middle
@@ -216,13 +228,13 @@ class RobotModel:
                 own[RobotKind.JOINTS][:, k] = nuisance.deviation * np.nan_to_num(rows)
         return own
 
-    def _trace(self, m: int, nuisance: RobotNuisance, by_trial: Mapping[str, Rows]) -> Rows:
+    def _trace(self, m: int, nuisance: RobotNuisance) -> Rows:
         features = self.features[m]
         own = np.ones(len(features.bin), bool)
         if nuisance.joint:
             own = features.joint_row == self._joints.index(nuisance.joint)
         if nuisance.trial:
-            rows = by_trial[nuisance.trial]
+            rows = self._shown[m, nuisance.trial]
         else:
             rows = {kind: np.zeros_like(base) for kind, base in self._plain[m].items()}
             rows[RobotKind.JOINTS] = np.ones(len(features.bin))

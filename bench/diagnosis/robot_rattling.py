@@ -39,10 +39,17 @@ class Play:
     gain: RobotGain
     cause: Cause
 
+    @property
+    def knob(self) -> float:
+        """How much of it."""
+        return float(self.gain.fit.knobs[-1])
+
     def beside(self, after: RobotFit) -> RobotFit:
-        """A fit with this play in it as well."""
+        """A fit with this play in it, if it is not."""
+        if self.gain.name in after.names:
+            return after
         names = (*after.names, self.gain.name)
-        return replace(after, names=names, z=np.append(after.z, self.gain.fit.knobs))
+        return replace(after, names=names, z=np.append(after.z, self.knob))
 
 
 class ShakingSearch(RobotSearch):
@@ -95,21 +102,20 @@ class Rattling:
         joints = [joint.name for joint in self.model.base.joints]
         return by_kind(joints, np.mean(apart, axis=0))
 
-    def named(self, after: RobotFit, without: Collection[str] = ()) -> Play | None:
-        """Play that explains what a fit leaves of shaking, where judges bear it out."""
-        needed = BESIDE if after.names else NEEDED
-        left = self.left(after, self.which)
-        if left < needed:
+    def named(self, base: RobotFit, without: Collection[str] = ()) -> Play | None:
+        """Play that explains how joints shake more than as believed, where judges bear it out."""
+        left = self.left(base, self.which)
+        if left < NEEDED:
             return None
         self.model.recentre((), np.zeros(len(self.model.nuisances)))
         found = self.search.run(most=1, without=without, base=self.search.sight.fit())
         if not found.taken:
             return None
         (gain,) = found.taken
-        outside, before = (self.left(fit, self.judges) for fit in (found.fit, after))
+        outside, before = (self.left(fit, self.judges) for fit in (found.fit, base))
         if (
             not self._rattles(gain.name)
-            or left - self.left(found.fit, self.which) < needed
+            or left - self.left(found.fit, self.which) < NEEDED
             or before - outside < HELD_OUT
         ):
             return None
@@ -120,12 +126,22 @@ class Rattling:
 
     def denies(self, after: RobotFit) -> bool:
         """Whether joints shake less than with the play that means over the phase had named."""
-        kept = [(n, z) for n, z in after.settings if not self._rattles(n)]
-        if len(kept) == len(after.names):
+        plain = self._still(after)
+        if len(plain.names) == len(after.names):
             return False
-        z = np.append(after.nuisances, [value for _, value in kept])
-        plain = replace(after, names=tuple(name for name, _ in kept), z=z)
         return self.left(after, self.judges) - self.left(plain, self.judges) >= NEEDED
+
+    def bears_out(self, after: RobotFit) -> bool:
+        """Whether play that shaking had named is needed for that beside other names."""
+        plain = self._still(after)
+        needed = BESIDE if plain.names else NEEDED
+        return self.left(plain, self.which) - self.left(after, self.which) >= needed
+
+    def _still(self, found: RobotFit) -> RobotFit:
+        """A fit without play, all else as it is."""
+        kept = [(n, z) for n, z in found.settings if not self._rattles(n)]
+        z = np.append(found.nuisances, [value for _, value in kept])
+        return replace(found, names=tuple(name for name, _ in kept), z=z)
 
     def _rattles(self, name: str) -> bool:
         return self.model.placed[name].effect.name in RATTLING

@@ -74,11 +74,12 @@ class RobotSearch(ExactFits):
         most: int = MOST,
         without: Collection[str] = (),
         base: RobotFit | None = None,
+        done: Callable[[RobotFit], bool] = lambda _: False,
     ) -> RobotFindings:
         """Search among placed effects; all, and legs only where legs stand out, if None.
 
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
-        believes if that was fitted already.
+        believes if that was fitted. Of a fit that is ``done`` nothing more is asked.
         """
         model = self.model
         base = base or self.believed()
@@ -104,8 +105,9 @@ class RobotSearch(ExactFits):
                     break
                 now = chosen.fit
                 taken.append(chosen)
-                if step + 1 < most:
-                    ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
+                if step + 1 == most or done(now):
+                    break
+                ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
             now, taken, tried = self._exchanged(now, taken, tried)
         except OutOfTimeError:
             self.around(now)  # what was taken until then is told

@@ -169,6 +169,6 @@ class RobotJudges:
 
     def without(self, base: RobotFit, now: RobotFit, name: str) -> RobotFit:
         """The fit without one effect, its replays as exact as those with it."""
-        if len(now.names) == 1:
+        if set(now.names) == {*base.names, name}:
             return base
         return self.search.settle(self.search.sight.without(now, name))

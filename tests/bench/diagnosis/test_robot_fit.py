@@ -147,3 +147,14 @@ def test_what_every_recording_leaves_alike_is_not_believed_as_often_as_there_are
         found = own.fit(("bent",), np.array([0.0, 0.0, 0.0, 2.0]))
         wide[alike] = own.inflation(found, "bent")
     assert wide[True] > 2.0 * wide[False]
+
+
+def test_a_knob_that_is_known_from_elsewhere_is_held_and_nuisances_fit_beside_it():
+    true = np.array([0.5, -1.0, 0.0])
+    own = sight(Pretended(true, 2.0))
+    own.held["bent"] = 2.0
+    found = own.fit(("bent",), np.array([0.0, 0.0, 0.0, 0.5]))
+    assert found.settings == (("bent", 2.0),)
+    assert found.nuisances == pytest.approx(true, abs=0.05)
+    believed, _ = own.covariances(found)
+    assert believed[3, 3] < 1e-6

@@ -212,6 +212,15 @@ def test_what_nuisances_do_is_taken_where_a_fit_has_led(model):
     soft = (("joint_compliance@all", TRUE_Z["joint_compliance@all"]),)
     model.retrace(soft, zero)
     there = [traces[RobotKind.JOINTS] for traces in model.traces]
+    model.retrace((*soft, ("backlash@tibia", 1.0)), zero)
+    loose = [traces[RobotKind.JOINTS] for traces in model.traces]
+    assert all((a == b).all() for a, b in zip(loose, there, strict=True))
+    model.retrace((), zero, ("torque",))
+    mixed = [traces[RobotKind.JOINTS] for traces in model.traces]
+    kept = np.array([n.name.startswith("torque ") for n in model.nuisances])
+    assert (mixed[NULL][:, kept] == there[NULL][:, kept]).all()
+    assert (mixed[NULL][:, ~kept] == first[NULL][:, ~kept]).all()
+    assert np.ptp(there[NULL][:, kept] - first[NULL][:, kept]) > 0.0
     model.retrace((), zero)
     back = [traces[RobotKind.JOINTS] for traces in model.traces]
     assert all((a == b).all() for a, b in zip(back, first, strict=True))

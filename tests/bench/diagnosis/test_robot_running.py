@@ -55,7 +55,8 @@ def test_what_was_found_is_told_whatever_the_time(cut):
     )
     work = Work(model, None, [0], [1], "", late, told.append)
 
-    def run(without, base):
+    def run(without, base, done):
+        assert done is work.held.consistent
         if cut and searches:
             late("replaying effects")
         searches.append(without)

@@ -9,7 +9,7 @@ import pytest
 
 from bench.diagnosis.nuisances import SHARE
 from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_exact import PART, REFINED, WORTH, ExactFits
+from bench.diagnosis.robot_exact import LAST, PART, REFINED, WORTH, ExactFits
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import RobotGain
 from bench.diagnosis.robot_nuisances import COMMON, SAME, RobotNuisance, nuisances
@@ -399,7 +399,9 @@ class Beginning(RobotSearch):
     def __init__(self):
         self.model = SimpleNamespace(
             nuisances=[None, None],
-            retrace=lambda settings, z: self.done.append(("traces", settings, z.tolist())),
+            retrace=lambda settings, z, but: self.done.append(
+                ("traces", settings, z.tolist(), but)
+            ),
             recentre=lambda settings, z, which: self.done.append(("replay", settings, z.tolist())),
             following=nullcontext,
         )
@@ -426,7 +428,8 @@ def test_a_hypothesis_begins_as_believed_or_where_it_is_told(nuisances, there):
     found = search.begun(("a@all",), np.array([1.5]), None, nuisances)
     at = (("a@all", 1.5),)
     assert found.settings == at
-    assert search.done == [("traces", at, there), ("replay", at, there), ("fit", [*there, 1.5])]
+    traced = ("traces", at, there, LAST)
+    assert search.done == [traced, ("replay", at, there), ("fit", [*there, 1.5])]
 
 
 class Leading(ExactFits):
@@ -468,3 +471,52 @@ def test_an_effect_beside_others_must_gain_more():
         assert holding(Exact({}), gains(nats)) is not None
         beside = holding(Exact({}), some, now=fit("other@all", 0.0))
         assert (beside is not None) is taken
+
+
+class Stepping(RobotSearch):
+    """A search each of whose steps takes an effect, and gains as much as the one before."""
+
+    def __init__(self):
+        placed = {f"effect{k}@all": SimpleNamespace(effect=effect(k)) for k in range(9)}
+        self.model = SimpleNamespace(placed=placed, nuisances=[])
+        self.steps = []
+        self._say = lambda _: None
+        self.around = lambda found: None
+        self.screen = lambda now: SimpleNamespace(rank=list)
+        self._with_springs = lambda now, gains, springs: gains
+        self._exchanged = lambda now, taken, tried: (now, taken, tried)
+        self._alike = lambda *_: ()
+        self._prune = self._standing_as_taken
+        self._rms = lambda found: 0.0
+
+    @staticmethod
+    def _standing_as_taken(now, taken):
+        return now, taken
+
+    def _standing(self, base, now, taken):
+        return now, taken
+
+    def _step(self, some, now, step):
+        self.steps.append(step)
+        return []
+
+    def _chosen(self, now, promised, named):
+        name = f"effect{len(now.names)}@all"
+        gain = RobotGain(name, fit_of((*now.names, name)), 99.0, 1.0, None)
+        return gain, now, (gain,)
+
+
+def effect(k):
+    return SimpleNamespace(name=f"effect{k}")
+
+
+def fit_of(names):
+    return RobotFit(tuple(names), np.zeros(len(names)), {}, 0.0)
+
+
+@pytest.mark.parametrize("enough", [1, 2, 9])
+def test_of_a_fit_that_is_done_nothing_more_is_asked(enough):
+    search = Stepping()
+    found = search.run([], most=3, base=fit_of(()), done=lambda now: len(now.names) >= enough)
+    assert len(found.taken) == min(enough, 3)
+    assert search.steps == list(range(min(enough, 3)))

@@ -221,3 +221,16 @@ def test_names_that_make_whole_recordings_much_worse_go_until_they_do_not():
 def test_the_name_that_helps_least_goes_first_and_the_others_are_asked_again():
     squares = {(): 9.0, ("a",): 2.0, ("b",): 8.5, ("a", "b"): 1.9}
     assert kept(squares) == ("a",)
+
+
+@pytest.mark.parametrize("begun", [(), ("play",)])
+def test_without_its_only_finding_a_fit_is_the_one_it_began_with(begun):
+    settled = []
+    own = judges({})
+    own.search.sight = SimpleNamespace(without=lambda now, name: (now.names, name))
+    own.search.settle = lambda found: settled.append(found) or "settled"
+    base, one = SimpleNamespace(names=begun), SimpleNamespace(names=(*begun, "a"))
+    assert own.without(base, one, "a") is base
+    two = SimpleNamespace(names=(*begun, "a", "b"))
+    assert own.without(base, two, "b") == "settled"
+    assert settled == [(two.names, "b")]

@@ -127,21 +127,20 @@ def nats(fitted, judged, fitted_with=0.0, judged_with=0.0):
 def test_play_that_explains_shaking_is_named(monkeypatch):
     play = rattling(monkeypatch, nats(60.0, 40.0, 2.0, 4.0)).named(OFF)
     assert play.cause == (0.9, 36.0)  # the share explained, and the gain, where it is judged
-    assert play.beside(NAMED).settings == (("payload@all", 1.0), ("backlash@all", 5.0))
+    assert play.knob == 5.0
 
 
 @pytest.mark.parametrize(
-    ("after", "left", "name"),
+    ("left", "name"),
     [
-        (OFF, nats(0.9 * NEEDED, 40.0), "backlash"),  # joints shake no more than engines differ
-        (NAMED, nats(0.9 * BESIDE, 40.0), "backlash"),
-        (OFF, nats(60.0, 40.0, 55.0), "backlash"),  # what is named explains as much
-        (OFF, nats(60.0, 40.0, 2.0, 40.0 - 0.9 * HELD_OUT), "backlash"),
-        (OFF, nats(60.0, 40.0), "punch"),  # of which means over the phase say more
+        (nats(0.9 * NEEDED, 40.0), "backlash"),  # joints shake no more than engines differ
+        (nats(60.0, 40.0, 55.0), "backlash"),  # what is named explains as much
+        (nats(60.0, 40.0, 2.0, 40.0 - 0.9 * HELD_OUT), "backlash"),
+        (nats(60.0, 40.0), "punch"),  # of which means over the phase say more
     ],
 )
-def test_what_shaking_does_not_show_is_not_named(monkeypatch, after, left, name):
-    assert rattling(monkeypatch, left, name).named(after) is None
+def test_what_shaking_does_not_show_is_not_named(monkeypatch, left, name):
+    assert rattling(monkeypatch, left, name).named(OFF) is None
 
 
 @pytest.mark.parametrize(
@@ -157,6 +156,23 @@ def test_joints_that_shake_less_than_with_play_deny_it(
 ):
     made = rattling(monkeypatch, nats(0.0, judged, 0.0, judged_with))
     assert made.denies(after) is denied
+
+
+@pytest.mark.parametrize(
+    ("beside", "gained", "borne_out"),
+    [
+        ((), 1.1 * NEEDED, True),
+        ((), 0.9 * NEEDED, False),
+        (("payload@all",), 1.1 * BESIDE, True),
+        (("payload@all",), 0.5 * (NEEDED + BESIDE), False),
+    ],
+)
+def test_play_must_be_needed_beside_what_else_is_named(monkeypatch, beside, gained, borne_out):
+    made = rattling(monkeypatch, {})
+    loose = RobotFit((*LOOSE.names, *beside), np.ones(1 + len(beside)), {}, 0.0)
+    left = {frozenset(loose.names): 3.0, frozenset(beside): 3.0 + gained}
+    monkeypatch.setattr(Rattling, "left", lambda _, fit, which: left[frozenset(fit.names)])
+    assert made.bears_out(loose) is borne_out
 
 
 def test_where_joints_shake_for_no_reason_the_report_says_so():
