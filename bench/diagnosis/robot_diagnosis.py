@@ -109,12 +109,13 @@ class Work:
         base = begun = self.search.believed()
         play = self._play(base, without)
         if play is not None:
+            # what rattles leaves much that no name explains: one search is enough
             begun, without = self._with_play(base, play), without | RATTLING
         found, after = self.search.nothing(begun), begun
         taken: list[RobotGain] = []
         rejected: list[Mapping[str, Any]] = []
         if not self.held.consistent(begun):
-            found, taken, after, rejected = self.searched(begun, without)
+            found, taken, after, rejected = self.searched(begun, without, play is None)
         if play is None and self.rattling.denies(after):
             taken, after = self._without_play(found, taken, after)
         if play is not None and not self.rattling.bears_out(play.beside(after)):
@@ -210,18 +211,18 @@ class Work:
         return kept, after
 
     def searched(
-        self, base: RobotFit, without: frozenset[str]
+        self, base: RobotFit, without: frozenset[str], again: bool
     ) -> tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
         """What a search found, the names that hold, the fit with them, and those taken back.
 
         No more names are looked for where a robot with them is as far from its recordings as one
         that is as believed. Where the first name is taken back there is a second search without it,
-        if there is time.
+        if there is time, and if it shall search ``again``.
         """
         done = self.held.consistent
         found = self.search.run(without=without, base=base, done=done)
         taken, after, rejected = self.held.kept(found, self.tell)
-        if not found.taken or found.taken[0] in taken:
+        if not again or not found.taken or found.taken[0] in taken:
             return found, taken, after, rejected
         without |= {self.model.placed[found.taken[0].name].effect.name}
         try:

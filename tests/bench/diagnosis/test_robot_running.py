@@ -44,8 +44,12 @@ def late(stage):
     raise OutOfTimeError(stage)
 
 
-@pytest.mark.parametrize("cut", [False, True], ids=["in time", "cut"])
-def test_what_was_found_is_told_whatever_the_time(cut):
+@pytest.mark.parametrize(
+    ("cut", "again"),
+    [(False, True), (True, True), (False, False)],
+    ids=["in time", "cut", "beside play"],
+)
+def test_what_was_found_is_told_whatever_the_time(cut, again):
     """Only another search is left out: the first one's name was taken back."""
     told, searches = [], []
     model = SimpleNamespace(
@@ -71,8 +75,9 @@ def test_what_was_found_is_told_whatever_the_time(cut):
 
     work.search = SimpleNamespace(run=run)
     work.held = SimpleNamespace(consistent=lambda base: False, kept=kept)
-    found, taken, _, rejected = work.searched(None, frozenset())
-    assert [gain.name for gain in taken] == ([] if cut else ["punch"])
-    assert found.taken[0].name == ("dead_zone" if cut else "punch")
+    twice = again and not cut
+    found, taken, _, rejected = work.searched(None, frozenset(), again)
+    assert [gain.name for gain in taken] == (["punch"] if twice else [])
+    assert found.taken[0].name == ("punch" if twice else "dead_zone")
     assert rejected == [{"effect": "dead_zone"}]
-    assert told == ["asking"] * (1 if cut else 2)
+    assert told == ["asking"] * (2 if twice else 1)
