@@ -58,17 +58,18 @@ class Curves:
         return self._first.get(name, self._placed[name].first_z)
 
     def tries(self, name: str) -> list[float]:
-        """Knobs at which an effect is screened: its first try, and of one sign a large one."""
+        """Knobs at which an effect is screened: its first tries, and of one sign a large one."""
         first, (low, high) = self.first_z(name), self._placed[name].knob.bounds
         large = min(high, GRID[-1] * first)
-        return [first, large] if low >= 0.0 and large > first else [first]
+        few = [first, *(z for z in self._placed[name].levels if first < z < large)]
+        return [*few, large] if low >= 0.0 and large > first else few
 
     def enlarge(self, names: Sequence[str], motions: Sequence[int]) -> None:
         """Make first tries larger that move nothing of the first of some motions; replay those."""
         m = motions[0]
         for name in names:
             larger = min(self._placed[name].knob.bounds[1], LARGER * self._placed[name].first_z)
-            if name in self._first or larger <= self.first_z(name):
+            if name in self._first or larger <= self.first_z(name) or self._placed[name].levels:
                 continue
             (rows,) = self._run([Job(m, ((name, self.first_z(name)),), short=True)])
             moved = rows[RobotKind.JOINTS] - self._plain[m][RobotKind.JOINTS]
@@ -94,7 +95,8 @@ class Curves:
         sizes = [self.first_z(name) * x for x in GRID]
         middle = sizes[1:3]
         both = [-z for z in reversed(middle)] + middle if low < 0.0 else sizes
-        inside = [min(high, max(low, z)) for z in (*both, *self._beyond.get(name, ()))]
+        more = (*self._placed[name].levels, *self._beyond.get(name, ()))
+        inside = [min(high, max(low, z)) for z in (*both, *more)]
         return sorted({z for z in inside if z != 0.0})
 
     def trace_at(self, name: str, z: float, m: int) -> Rows:

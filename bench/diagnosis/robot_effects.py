@@ -41,6 +41,9 @@ EVERYWHERE = "all"
 CARRYING = ("femur", "tibia")  #: joints with level axes, which carry the robot; gears wear in both
 #: ``z`` of a first try, where the unit is far from what one meets
 FIRST = {"roll_rad": 0.1, "yaw_rad": 0.3, "resistance_ohm": 2.0}
+#: ``z`` of further first tries of what does nothing up to a level, and soon too much: limits of
+#: 0.5, 0.4 and 0.3 of a motor's duty, which walking robots ask for; assumed
+LEVELS = {"duty": (1.25, 1.5, 1.75)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,11 @@ class Placed:
     def first_z(self) -> float:
         """A first try."""
         return FIRST.get(self.parameter.name, 1.0)
+
+    @property
+    def levels(self) -> tuple[float, ...]:
+        """Further first tries."""
+        return LEVELS.get(self.parameter.name, ())
 
     def apply(self, robot: PhysicalRobot, value: float) -> PhysicalRobot:
         """The robot with it; exactly the robot itself where the value is off."""

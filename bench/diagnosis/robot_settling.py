@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from busemu.tables import Robot
 
 from .growing import RELIEF
+from .robot_causes import ENGINES_SHARE
 from .robot_features import RobotKind
 from .robot_fit import RobotFit, voltage_noise
 from .robot_gains import RobotFindings, RobotGain
@@ -25,6 +26,7 @@ FITTED, JUDGED = 0.6, 1.8
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 ENDS = 1  #: so many of 15 tolerances may be at their ends; ten nulls of another engine had 0 or 1
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
+SIZES = (-1.0, -0.5, 0.5, 1.0)  #: of what two engines differ by, that a name is asked for at
 NO_BETTER = "recordings that were not used to fit are no better with it"
 
 
@@ -128,11 +130,13 @@ class RobotJudges:
     ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
         """Names that recordings which judge do not deny; the fit with them; those taken back.
 
-        All together may not make whole recordings, standing up and all, half as bad again.
+        All together may not make whole recordings, standing up and all, half as bad again. Before
+        a name is taken back it is asked for at other sizes, as far as two engines differ about it.
         """
         taken, now = list(found.taken), found.fit
         begun = self.samples(found.base).whole if self.held_out and taken else 0.0
         rejected: list[Mapping[str, Any]] = []
+        resized: set[str] = set()
         while taken and self.held_out:
             say("asking recordings that were not used to fit")
             floor, before = self.floor_square, self.square(found.base, self.judges)
@@ -148,6 +152,12 @@ class RobotJudges:
             worst = min(taken, key=lambda gain: relief[gain.name])
             if relief[worst.name] > least and samples.whole <= WORSE * begun:
                 break
+            if worst.name not in resized:
+                resized.add(worst.name)
+                other = self.resized(now, worst.name)
+                if other is not now:
+                    now = other
+                    continue
             rejected.append(
                 {
                     "effect": self.model.placed[worst.name].effect.name,
@@ -159,6 +169,22 @@ class RobotJudges:
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
         return taken, now, rejected
+
+    def resized(self, now: RobotFit, name: str) -> RobotFit:
+        """A fit with the size of one effect that recordings which judge like best, or itself.
+
+        They are of other loads, where a robot may be next to falling and a little decides.
+        """
+        at = len(now.z) - len(now.names) + now.names.index(name)
+        low, high = (ends[at] for ends in self.search.sight.box(now.names))
+        best, least = now, self.square(now, self.judges)
+        for share in SIZES:
+            z = now.z.copy()
+            z[at] = np.clip((1.0 + share * ENGINES_SHARE) * z[at], low, high)
+            other = replace(now, z=z)
+            if (square := self.square(other, self.judges)) < least:
+                best, least = other, square
+        return best if best is now else self.search.replayed(best)
 
     def samples(self, found: RobotFit) -> Squares:
         """What a fit leaves of the samples of recordings that judge."""

@@ -5,6 +5,7 @@ import pytest
 from walking_robots import believed, marvin, walked_with
 
 from bench.diagnosis.robot_curves import FARTHER, GRID, LARGER, LEAST_RAD
+from bench.diagnosis.robot_effects import LEVELS
 from bench.diagnosis.robot_features import MEANS, RobotKind
 from bench.diagnosis.robot_fit import Sight
 from bench.diagnosis.robot_model import RATTLES, RobotModel
@@ -77,6 +78,18 @@ def test_a_first_try_that_moves_nothing_is_made_larger_and_others_are_not(model)
     model.curves.enlarge([moves, moves_nothing], [0])
     assert model.curves.first_z(moves_nothing) == LARGER * before
     assert model.curves.first_z(moves) == model.placed[moves].first_z
+
+
+def test_a_limit_of_duty_is_screened_and_replayed_at_several_levels(model):
+    name = "torque_limit@tibia"
+    few = [1.0, *LEVELS["duty"]]
+    model.curves.enlarge([name], [0])
+    *first, large = model.curves.tries(name)
+    assert first == few
+    assert large == model.placed[name].knob.bounds[1]
+    assert set(few) < set(model.curves._grid(name))
+    caps = [model.placed[name].knob.value(z) for z in few]
+    assert caps == pytest.approx([0.6, 0.5, 0.4, 0.3])
 
 
 def test_what_has_one_sign_is_screened_at_a_large_size_too_and_the_better_is_told(model):

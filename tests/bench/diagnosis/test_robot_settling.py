@@ -8,7 +8,9 @@ import pytest
 
 from bench.diagnosis.growing import RELIEF
 from bench.diagnosis.noise import Block
+from bench.diagnosis.robot_causes import ENGINES_SHARE
 from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_limits import other_volts
 from bench.diagnosis.robot_model import VOLTAGE_SENSE
 from bench.diagnosis.robot_nuisances import RobotNuisance
@@ -161,6 +163,9 @@ class Given(RobotJudges):
     whole: ClassVar = {}
     floor_square = 1.0
 
+    def resized(self, now, name):
+        return now
+
     def square(self, found, which):
         return self.phases[found.names]
 
@@ -234,3 +239,55 @@ def test_without_its_only_finding_a_fit_is_the_one_it_began_with(begun):
     two = SimpleNamespace(names=(*begun, "a", "b"))
     assert own.without(base, two, "b") == "settled"
     assert settled == [(two.names, "b")]
+
+
+class Steep(Given):
+    """Squares of a fit by the size of its only effect."""
+
+    __slots__ = ()
+
+    def square(self, found, which):
+        return self.phases[tuple(found.z)] if len(found.z) else self.phases[()]
+
+    def samples(self, found):
+        return Squares(self.square(found, JUDGES), 1.0)
+
+    def resized(self, now, name):
+        return RobotJudges.resized(self, now, name)
+
+    def without(self, base, now, name):
+        return base
+
+
+def steep(at, squares, high=9.0):
+    """What is kept of a name at a size, squares given by size."""
+    placed = {"a": SimpleNamespace(effect=SimpleNamespace(name="a"), where=())}
+    sight = SimpleNamespace(box=lambda names: (np.zeros(1), np.full(1, high)))
+    search = SimpleNamespace(
+        model=SimpleNamespace(placed=placed), sight=sight, replayed=lambda found: found
+    )
+    own = Steep(search, None, FITS, JUDGES, held_out=True)
+    Given.phases = {tuple(np.clip([at * (1.0 + x)], 0, high)): y for x, y in squares.items()}
+    Given.phases[()] = 5.0
+    base, now = (RobotFit(n, np.array(z), {}, 0.0) for n, z in (((), []), (("a",), [at])))
+    found = SimpleNamespace(base=base, fit=now, taken=[SimpleNamespace(name="a", deflated=20.0)])
+    taken, now, _ = own.kept(found, lambda _: None)
+    return [gain.name for gain in taken], now.z.tolist()
+
+
+WIDE, HALF = ENGINES_SHARE, 0.5 * ENGINES_SHARE
+
+
+def test_a_name_is_taken_at_a_size_that_judges_bear_out_if_engines_may_differ_by_that():
+    cliff = {0.0: 9.0, HALF: 6.0, WIDE: 6.0, -HALF: 1.5, -WIDE: 2.0}
+    assert steep(2.0, cliff) == (["a"], [pytest.approx(2.0 * (1.0 - HALF))])
+    nowhere = dict.fromkeys(cliff, 6.0) | {-WIDE: 4.9}
+    assert steep(2.0, nowhere) == ([], [])
+    # where it holds as it is, it is asked for at no other size
+    assert steep(2.0, cliff | {0.0: 1.6}) == (["a"], [2.0])
+
+
+def test_no_size_is_beyond_what_an_effect_may_be():
+    cliff = {0.0: 9.0, HALF: 1.4, WIDE: 1.3, -HALF: 6.0, -WIDE: 6.0}
+    end = 2.0 * (1.0 + HALF)
+    assert steep(2.0, cliff, high=end) == (["a"], [pytest.approx(end)])
