@@ -23,7 +23,7 @@ from .robot_effects import leg_of
 from .robot_exact import ExactFits
 from .robot_features import MEANS, RobotKind
 from .robot_fit import ENOUGH, RobotFit
-from .robot_gains import RobotFindings, RobotGain, levelled
+from .robot_gains import RobotFindings, RobotGain, hopeless, levelled
 from .robot_improved import knob_of, of_settings
 from .robot_judging import judge, rmse_rad
 from .robot_model import RobotModel
@@ -41,18 +41,11 @@ AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance at its end
 BEST = 2  #: of them that are fitted to the end
-HOPELESS = 150.0  #: loss [nats] with which a spring is not tried again beside what is taken
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
-#: what is looked for from a large try whatever curves promise, and where: a little of a spring, and
-#: much of it, are two valleys
+#: looked for from a large try whatever is promised: a little of a spring and much are two valleys
 SPRINGS = frozenset(
     f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
 )
-
-
-def hopeless(tried: Iterable[RobotGain]) -> set[str]:
-    """What did so much worse than nothing that it is not tried again beside what is taken."""
-    return {gain.name for gain in tried if gain.nats < -HOPELESS}
 
 
 class RobotSearch(ExactFits):
@@ -97,7 +90,9 @@ class RobotSearch(ExactFits):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
                 gains = self._with_springs(now, gains, springs)
-                chosen, now, fitted = self._chosen(now, gains, named | springs)
+                chosen, now, fitted = self._chosen(
+                    now, gains, named | springs | self._levels(gains)
+                )
                 base = base if now.names else now
                 tried.append(fitted)
                 springs -= hopeless(fitted)
@@ -245,6 +240,10 @@ class RobotSearch(ExactFits):
             fit = replace(now, names=(*now.names, name), z=np.append(now.z, large))
             found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
         return levelled(found)
+
+    def _levels(self, promised: Sequence[RobotGain]) -> set[str]:
+        """What acts beyond a level only and promises anything: how much depends on all else."""
+        return {g.name for g in promised if self.model.placed[g.name].levels and g.nats >= NEEDED}
 
     def _best(self, gains: Sequence[RobotGain], now: RobotFit, begun: float) -> RobotGain | None:
         """The best that holds, of those first that make no whole recording much worse.

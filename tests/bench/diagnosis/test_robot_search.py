@@ -11,7 +11,7 @@ from bench.diagnosis.nuisances import SHARE
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_exact import LAST, PART, REFINED, WORTH, ExactFits
 from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import RobotGain
+from bench.diagnosis.robot_gains import HOPELESS, RobotGain, hopeless
 from bench.diagnosis.robot_nuisances import COMMON, SAME, RobotNuisance, nuisances
 from bench.diagnosis.robot_screen import (
     A_KIND,
@@ -25,13 +25,11 @@ from bench.diagnosis.robot_screen import (
 from bench.diagnosis.robot_search import (
     BESIDE,
     BEST,
-    HOPELESS,
     NEEDED,
     PROMISED,
     SPRINGS,
     WORSE,
     RobotSearch,
-    hopeless,
 )
 from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
@@ -477,7 +475,7 @@ class Stepping(RobotSearch):
     """A search each of whose steps takes an effect, and gains as much as the one before."""
 
     def __init__(self):
-        placed = {f"effect{k}@all": SimpleNamespace(effect=effect(k)) for k in range(9)}
+        placed = {f"effect{k}@all": SimpleNamespace(effect=effect(k), levels=()) for k in range(9)}
         self.model = SimpleNamespace(placed=placed, nuisances=[])
         self.steps = []
         self._say = lambda _: None
@@ -520,3 +518,16 @@ def test_of_a_fit_that_is_done_nothing_more_is_asked(enough):
     found = search.run([], most=3, base=fit_of(()), done=lambda now: len(now.names) >= enough)
     assert len(found.taken) == min(enough, 3)
     assert search.steps == list(range(min(enough, 3)))
+
+
+def test_limits_that_promise_anything_are_tried_among_however_many_that_promise_more():
+    search = Stepping()
+    some = gains(*np.linspace(9.0, 2.0, 2 * PROMISED) * NEEDED, 1.1 * NEEDED, 0.9 * NEEDED)
+    of_limits = {gain.name for gain in some[-2:]}
+    for name in of_limits:
+        search.model.placed[name] = SimpleNamespace(levels=(1.5,))
+    asked = []
+    search._step = lambda *_: some
+    search._chosen = lambda now, promised, named: asked.append(set(named)) or (None, now, ())
+    search.run([], most=1, base=fit_of(()))
+    assert asked == [{some[-2].name}]
