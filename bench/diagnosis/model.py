@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 from sim.condition import under
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 from sim.effects import catalogue
 from sim.entries import Section
 from sim.one_joint import one_joint_load
@@ -311,7 +311,7 @@ class JointModel:
         """A block of recording ``r`` for each candidate, of its rollout; none if it has no kind."""
         source = np.array([c.source_ohm for c in some])
         voltage = np.array([c.voltage_v for c in some])
-        late = np.array([c.drive[kernel.DELAY] for c in some])
+        late = np.array([c.drive[fields.DELAY] for c in some])
         return self._left[r].blocks(kind.channel, out, duty, source, voltage, late)
 
     def _swaying(self, r: int, block: Block) -> Block:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from sim.drive import kernel
+from sim.drive import fields
 from sim.rollout import Candidate
 
 #: deviation of dry friction from one motion to the next, of its size: repeats of one motion differ
@@ -28,7 +28,7 @@ Sway = Callable[[Candidate, float], Candidate]
 def friction(candidate: Candidate, deviations: float) -> Candidate:
     """With more dry friction, by so many deviations."""
     drive = candidate.drive.copy()
-    drive[[kernel.COULOMB, kernel.STRIBECK]] *= 1.0 + FRICTION * deviations
+    drive[[fields.COULOMB, fields.STRIBECK]] *= 1.0 + FRICTION * deviations
     return replace(candidate, drive=drive)
 
 

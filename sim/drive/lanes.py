@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .compiling import compiled, inlined
 from .elementary import sine_cosine
-from .kernel import (
+from .fields import (
     BACKLASH,
     BENT,
     CABLE_STIFFNESS,
@@ -38,6 +38,8 @@ from .kernel import (
     WINDING_HEAT,
     Array,
     Arrays,
+)
+from .kernel import (
     bend,
     bridge,
     cable_torque,
