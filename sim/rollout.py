@@ -329,7 +329,7 @@ def _hold(row: Array, goal_rad: float, shown_rad: float) -> None:
 
 
 def shaft_at(drive: Array, shown_rad: float) -> float:
-    """The shaft's angle at which a servo shows an angle, both [rad]: :func:`kernel.sense` undone.
+    """The shaft's angle at which a servo shows an angle, both [rad]: :func:`firmware.sense` undone.
 
     ``drive`` is the column of its parameters. A wave as steep as the turn itself shows some angles
     more than once; then the shaft is only near one of them.

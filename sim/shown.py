@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .drive import fields, kernel
+from .drive import fields, firmware
 from .drive.fields import Array
 from .tree import PhysicalRobot
 
@@ -52,7 +52,7 @@ class ShownPosition:
         else:
             position_rad += self._skew_s * velocity_rad_s
         if self._turned[i]:
-            position_rad = kernel.sense(self._params, i, position_rad)
+            position_rad = firmware.sense(self._params, i, position_rad)
         return position_rad
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from busemu.plant import DriveCommand, OperatingMode
 
-from . import fields, kernel
+from . import fields, firmware, kernel
 from .fields import Array
 from .parameters import DriveParameters, pack
 
@@ -90,7 +90,7 @@ class DriveBank:
 
     def tick(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Run every firmware once on the shafts' angles and velocities."""
-        kernel.control(self._arrays, position_rad, velocity_rad_s, self._tick_s)
+        firmware.control(self._arrays, position_rad, velocity_rad_s, self._tick_s)
 
     def step(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Move the rotors by one step while the shafts move on from the given state."""
@@ -105,7 +105,7 @@ class DriveBank:
         """Run the compiled code once on a copy, so that nothing is compiled while serving."""
         still = np.zeros(self.params.shape[1])
         copy = self._arrays._replace(states=self.states.copy())
-        kernel.control(copy, still, still, self._tick_s)
+        firmware.control(copy, still, still, self._tick_s)
         kernel.drive(copy, still, still, self._step_s, self._substeps)
         three = np.zeros((3, still.size))
         kernel.move(copy, three[:2], three, three, 0.0, self._step_s, self._substeps)

@@ -39,23 +39,9 @@ from .fields import (
     Array,
     Arrays,
 )
-from .kernel import (
-    bend,
-    bridge,
-    cable_torque,
-    control_one,
-    friction,
-    friction_level,
-    gear_torque,
-    hurry,
-    motor_current,
-    motor_torque,
-    sense,
-    share_supply,
-    train,
-    warm,
-    winding_resistance,
-)
+from .firmware import control_one, hurry, sense
+from .kernel import bridge, cable_torque, share_supply, warm, winding_resistance
+from .rotor import bend, friction, friction_level, gear_torque, motor_current, motor_torque, train
 
 Integers = NDArray[np.int64]
 

@@ -23,7 +23,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from ..entries import Section
-from . import fields, kernel
+from . import fields, rotor
 from .fields import Array
 
 COPPER_RISE_PER_K = 0.0039  #: of a winding's resistance
@@ -67,10 +67,10 @@ class Friction:
         params = np.zeros((fields.PARAMS, 1))
         for name, field in _FRICTION_FIELDS.items():
             params[field] = getattr(self, name)
-        train = kernel.train(
-            params, 0, 0.0, 0.0, kernel.falling(params, 0), kernel.is_raised(params, 0)
+        train = rotor.train(
+            params, 0, 0.0, 0.0, rotor.falling(params, 0), rotor.is_raised(params, 0)
         )
-        return float(kernel.friction_level(train, velocity_rad_s, motor_nm, external_nm))
+        return float(rotor.friction_level(train, velocity_rad_s, motor_nm, external_nm))
 
 
 _FRICTION_FIELDS = {
@@ -282,7 +282,7 @@ def read_drive(section: Section) -> DriveParameters:
             f"stall_current_a = {sheet.stall_current_a} A"
         )
     ratio = section.number("gear_ratio", "(ratio)", 1.0, 2000.0)
-    rotor = section.number("motor_inertia_kg_m2", "kg m^2", 1e-10, 1e-3)
+    inertia = section.number("motor_inertia_kg_m2", "kg m^2", 1e-10, 1e-3)
     resistance = section.number(
         "resistance_ohm", "ohm", 0.1, 1000.0, default=sheet.voltage_v / sheet.stall_current_a
     )
@@ -306,7 +306,7 @@ def read_drive(section: Section) -> DriveParameters:
         resistance_ohm=resistance,
         torque_constant_nm_a=constant,
         back_emf_v_s_rad=section.number("back_emf_v_s_rad", "V s/rad", 1e-3, 100.0, default=emf),
-        rotor_inertia_kg_m2=rotor * ratio**2,
+        rotor_inertia_kg_m2=inertia * ratio**2,
         friction=friction,
         gear_stiffness_nm_rad=section.number(
             "gear_stiffness_nm_rad", "N m/rad", 0.1, 1e5, default=math.inf
