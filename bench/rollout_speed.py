@@ -17,7 +17,7 @@ import numpy as np
 
 from busemu.plant import DriveCommand
 from busemu.tables import Robot, load_robot
-from sim.drive import fields, lanes
+from sim.drive import fields, lanes, lockstep
 from sim.drive.bank import command_column
 from sim.drive.fields import Array
 from sim.model import read_model
@@ -103,7 +103,7 @@ def plain(robot: Robot) -> tuple[Array, float]:
     Numba must have been told before it was imported: ``NUMBA_DISABLE_JIT=1``.
     """
     (one,) = candidates(robot, 1, rigid=False)
-    lanes.LANES = 1  # lanes without a job cost nothing only where vectors are made of them
+    lockstep.LANES = 1  # lanes without a job cost nothing only where vectors are made of them
     batch = Batch([replay()], 1)
     begun_s = time.perf_counter()
     out = batch.run([one], [0])

@@ -2,8 +2,8 @@
 
 A *replay* is what happened at the port of one servo: commands with their times, and the instants at
 which its registers were sampled. A *candidate* is what the servo and its load may be. Every pair of
-them is a job of a :func:`sim.drive.lanes.rollout_of`. Jobs that are alike are rolled out in groups,
-in lockstep; groups are shared over threads.
+them is a job of a :func:`sim.drive.lockstep.rollout_of`. Jobs that are alike are rolled out in
+groups, in lockstep; groups are shared over threads.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .drive import fields, lanes
+from .drive import fields, lanes, lockstep, regulating
 from .drive.fields import Array
 from .drive.lanes import Jobs
 from .robot import PhysicalRobot
@@ -136,7 +136,7 @@ class Candidate:
 
 SOFT, FALLING, RAISED = 1, 2, 4  #: kinds of jobs: of their gears, and of how friction falls
 ROLLOUTS = {
-    kind: lanes.rollout_of(
+    kind: lockstep.rollout_of(
         rigid=not kind & SOFT, slow=bool(kind & FALLING), raised=bool(kind & RAISED)
     )
     for kind in (0, SOFT, FALLING, SOFT | FALLING, FALLING | RAISED, SOFT | FALLING | RAISED)
@@ -197,7 +197,7 @@ class Batch:
             sensed[j, : len(angles)] = angles
         tasks = [
             _pool(self._threads).submit(
-                lanes.regulate,
+                regulating.regulate,
                 groups,
                 np.array([c.skew_s for c in candidates]),
                 jobs,
@@ -261,11 +261,11 @@ class Batch:
         kind = 2 * _kinds(params) + (params[:, fields.BACKLASH] != 0.0)
         order = np.lexsort((-end_s, kind))
         groups = [
-            alike[k : k + lanes.LANES]
+            alike[k : k + lockstep.LANES]
             for alike in np.split(order, np.flatnonzero(np.diff(kind[order])) + 1)
-            for k in range(0, len(alike), lanes.LANES)
+            for k in range(0, len(alike), lockstep.LANES)
         ]
-        number = np.full((len(groups), lanes.LANES), -1)
+        number = np.full((len(groups), lockstep.LANES), -1)
         for row, group in zip(number, groups, strict=True):
             row[: len(group)] = group
         return number
@@ -281,7 +281,7 @@ class Batch:
                 GEAR_SUBSTEPS if kinds[first] & SOFT else RIGID_SUBSTEPS,
                 first,
                 last,
-                np.empty((lanes.PLACES, lanes.LANES), np.int64),
+                np.empty((lanes.PLACES, lockstep.LANES), np.int64),
                 out,
             )
             for first, last in self._alike(kinds)

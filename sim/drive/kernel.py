@@ -10,7 +10,7 @@ potentiometers of AX-12A and XL-320 do. The shaft and its load belong
 
 * to a physics engine (:func:`drive`): the shaft is taken to move at constant velocity within one
   call. A rigid gear (infinite stiffness) is impossible there;
-* or to :func:`sim.drive.lanes.rollout`, which moves a load of one joint itself, in the same
+* or to :func:`sim.drive.lockstep.rollout`, which moves a load of one joint itself, in the same
   substeps. There the gear may be rigid: rotor and load are then one mass, which allows much longer
   steps.
 

@@ -26,7 +26,7 @@ from one_joint_rigs import (
 )
 
 from busemu.plant import DriveCommand, OperatingMode
-from sim.drive import fields, lanes
+from sim.drive import fields, lanes, lockstep
 from sim.drive.bank import DriveBank, command_column
 from sim.drive.parameters import Friction
 from sim.rollout import GEAR_SUBSTEPS, Batch, Candidate, Load, Replay
@@ -139,7 +139,7 @@ def many(drives: list[Any], count: int) -> list[Candidate]:
     ]
 
 
-@pytest.mark.parametrize("count", [lanes.LANES + 5, lanes.FEW])
+@pytest.mark.parametrize("count", [lockstep.LANES + 5, lockstep.FEW])
 @pytest.mark.parametrize("name", KINDS)
 def test_lanes_give_what_their_jobs_give_alone(name: str, count: int) -> None:
     """Of one kind and of all, in groups that are full, not full, and of few."""
