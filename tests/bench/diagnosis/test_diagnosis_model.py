@@ -484,8 +484,8 @@ def test_a_rollout_that_flies_apart_is_a_large_residual_and_no_less_of_a_number(
     """A rotor without inertia on a spring: what is left must be something that noise can be of."""
     model = model_of(logs(motions=["fast"], registers=(POSITION, DUTY, VOLTS)))
     flown = model.of(model.observed, sprung=True)
-    run = flown._batch.run
-    monkeypatch.setattr(flown._batch, "run", lambda *told: [out * np.nan for out in run(*told)])
+    run = flown._recorded.run
+    monkeypatch.setattr(flown._recorded, "run", lambda *told: [out * np.nan for out in run(*told)])
     (blocks,) = flown.residuals(Hypothesis(), [np.zeros(len(flown.nuisances))])
     assert {kind for _, kind in blocks} >= {Kind.POSITION, Kind.VOLTAGE}
     for (_, kind), block in blocks.items():
