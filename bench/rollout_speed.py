@@ -17,9 +17,9 @@ import numpy as np
 
 from busemu.plant import DriveCommand
 from busemu.tables import Robot, load_robot
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes, lockstep
 from sim.drive.bank import command_column
-from sim.drive.kernel import Array
+from sim.drive.fields import Array
 from sim.model import read_model
 from sim.one_joint import one_joint_load
 from sim.rollout import Batch, Candidate, Load, Replay
@@ -49,7 +49,7 @@ def goals() -> list[tuple[float, float]]:
 
 def replay() -> Replay:
     """The goals as they came at the port, and the instants of samples."""
-    written = [(t, kernel.GOAL_POSITION, goal) for t, goal in goals()]
+    written = [(t, fields.GOAL_POSITION, goal) for t, goal in goals()]
     samples = np.arange(1.0, round(SECONDS / SAMPLE_EVERY_S) + 1) * np.float64(SAMPLE_EVERY_S)
     return Replay(command_column(command(0.0)), np.array(written, np.float64), samples, 0.0)
 
@@ -103,7 +103,7 @@ def plain(robot: Robot) -> tuple[Array, float]:
     Numba must have been told before it was imported: ``NUMBA_DISABLE_JIT=1``.
     """
     (one,) = candidates(robot, 1, rigid=False)
-    lanes.LANES = 1  # lanes without a job cost nothing only where vectors are made of them
+    lockstep.LANES = 1  # lanes without a job cost nothing only where vectors are made of them
     batch = Batch([replay()], 1)
     begun_s = time.perf_counter()
     out = batch.run([one], [0])

@@ -2,8 +2,8 @@
 
 A *replay* is what happened at the port of one servo: commands with their times, and the instants at
 which its registers were sampled. A *candidate* is what the servo and its load may be. Every pair of
-them is a job of a :func:`sim.drive.lanes.rollout_of`. Jobs that are alike are rolled out in groups,
-in lockstep; groups are shared over threads.
+them is a job of a :func:`sim.drive.lockstep.rollout_of`. Jobs that are alike are rolled out in
+groups, in lockstep; groups are shared over threads.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .drive import kernel, lanes
-from .drive.kernel import Array
+from .drive import fields, lanes, lockstep, regulating
+from .drive.fields import Array
 from .drive.lanes import Jobs
 from .robot import PhysicalRobot
 from .stepped import TICK_S
@@ -34,7 +34,7 @@ TURNS = 40  #: of the fixed point of a sensor's wave: each takes off amplitude x
 class Replay:
     """Commands and sample instants of one servo [s since the replay began]; servo frame.
 
-    ``events`` (n, 3): time, field of :mod:`sim.drive.kernel` (commands, or from
+    ``events`` (n, 3): time, field of :mod:`sim.drive.fields` (commands, or from
     ``lanes.SUPPLY_EVENT`` on supplies), value; ``samples`` (m,), both ascending. ``start`` is the
     column of commands at the beginning, ``position_rad`` and ``velocity_rad_s`` those of the output
     shaft. ``held_rad`` is a goal that was in force before; without one the position law begins with
@@ -105,7 +105,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A servo (column of :mod:`sim.drive.kernel` parameters), its supply, its load, its reading."""
+    """A servo (column of :mod:`sim.drive.fields` parameters), its supply, its load, its reading."""
 
     drive: Array
     load: Load
@@ -123,7 +123,7 @@ class Candidate:
         """The servo of one joint (by its number). ``rigid`` makes rotor and load one mass."""
         drive = robot.joints[joint].drive.column()
         if rigid:
-            drive[kernel.GEAR_STIFFNESS] = np.inf
+            drive[fields.GEAR_STIFFNESS] = np.inf
         return cls(
             drive,
             load,
@@ -136,7 +136,7 @@ class Candidate:
 
 SOFT, FALLING, RAISED = 1, 2, 4  #: kinds of jobs: of their gears, and of how friction falls
 ROLLOUTS = {
-    kind: lanes.rollout_of(
+    kind: lockstep.rollout_of(
         rigid=not kind & SOFT, slow=bool(kind & FALLING), raised=bool(kind & RAISED)
     )
     for kind in (0, SOFT, FALLING, SOFT | FALLING, FALLING | RAISED, SOFT | FALLING | RAISED)
@@ -145,9 +145,9 @@ ROLLOUTS = {
 
 def _kinds(params: Array) -> NDArray[np.int64]:
     """What kinds jobs are of (jobs,), from their drives (jobs, fields)."""
-    soft = np.isfinite(params[:, kernel.GEAR_STIFFNESS])
-    falling = (params[:, kernel.FALLING] != 0.0).any(axis=1)
-    raised = falling & (params[:, kernel.STRIBECK_EXPONENT] != 1.0)
+    soft = np.isfinite(params[:, fields.GEAR_STIFFNESS])
+    falling = (params[:, fields.FALLING] != 0.0).any(axis=1)
+    raised = falling & (params[:, fields.STRIBECK_EXPONENT] != 1.0)
     kinds: NDArray[np.int64] = SOFT * soft + FALLING * falling + RAISED * raised
     return kinds
 
@@ -197,7 +197,7 @@ class Batch:
             sensed[j, : len(angles)] = angles
         tasks = [
             _pool(self._threads).submit(
-                lanes.regulate,
+                regulating.regulate,
                 groups,
                 np.array([c.skew_s for c in candidates]),
                 jobs,
@@ -220,10 +220,10 @@ class Batch:
         supplies, loads = rows[:, lanes.OF_SUPPLIES :], rows[:, lanes.OF_LOADS :]
         for j, (c, r) in enumerate(zip(candidates, replays, strict=True)):
             replay = self.replays[r]
-            rows[j, : kernel.PARAMS] = c.drive
+            rows[j, : fields.PARAMS] = c.drive
             rows[j, lanes.OF_COMMANDS : lanes.OF_SUPPLIES] = replay.start
-            supplies[j, kernel.SUPPLY_VOLTAGE] = c.voltage_v
-            supplies[j, kernel.SUPPLY_RESISTANCE] = c.source_ohm
+            supplies[j, fields.SUPPLY_VOLTAGE] = c.voltage_v
+            supplies[j, fields.SUPPLY_RESISTANCE] = c.source_ohm
             loads[j, lanes.LOAD_INERTIA] = c.load.inertia_kg_m2
             shown = replay.position_rad + c.start_offset_rad
             loads[j, lanes.SHAFT_POSITION] = shaft_at(c.drive, shown)
@@ -236,10 +236,10 @@ class Batch:
             loads[j, lanes.DUTY_REFRESH] = c.load_refresh_s
             loads[j, lanes.DUTY_PHASE] = c.load_phase_s
             if leash_rad_s > 0.0 and replay.path is not None:
-                inertia = c.load.inertia_kg_m2 + float(c.drive[kernel.ROTOR_INERTIA])
+                inertia = c.load.inertia_kg_m2 + float(c.drive[fields.ROTOR_INERTIA])
                 loads[j, lanes.LEASH] = inertia * leash_rad_s**2
                 loads[j, lanes.LEASH_DAMPING] = 2.0 * inertia * leash_rad_s
-        number = self._groups(rows[:, : kernel.PARAMS], self._end_s[np.asarray(replays)])
+        number = self._groups(rows[:, : fields.PARAMS], self._end_s[np.asarray(replays)])
         gravity = [np.stack([c.load.cosine_nm, c.load.sine_nm], axis=1) for c in candidates]
         jobs = Jobs(
             number,
@@ -258,20 +258,20 @@ class Batch:
 
     def _groups(self, params: Array, end_s: Array) -> lanes.Integers:
         """Jobs that are rolled out together, the longest first: (groups, LANES), -1 is none."""
-        kind = 2 * _kinds(params) + (params[:, kernel.BACKLASH] != 0.0)
+        kind = 2 * _kinds(params) + (params[:, fields.BACKLASH] != 0.0)
         order = np.lexsort((-end_s, kind))
         groups = [
-            alike[k : k + lanes.LANES]
+            alike[k : k + lockstep.LANES]
             for alike in np.split(order, np.flatnonzero(np.diff(kind[order])) + 1)
-            for k in range(0, len(alike), lanes.LANES)
+            for k in range(0, len(alike), lockstep.LANES)
         ]
-        number = np.full((len(groups), lanes.LANES), -1)
+        number = np.full((len(groups), lockstep.LANES), -1)
         for row, group in zip(number, groups, strict=True):
             row[: len(group)] = group
         return number
 
     def _share(self, groups: Array, jobs: Jobs, out: Array) -> None:
-        kinds = _kinds(groups[:, : kernel.PARAMS, 0])
+        kinds = _kinds(groups[:, : fields.PARAMS, 0])
         tasks = [
             _pool(self._threads).submit(
                 ROLLOUTS[kinds[first]],
@@ -281,7 +281,7 @@ class Batch:
                 GEAR_SUBSTEPS if kinds[first] & SOFT else RIGID_SUBSTEPS,
                 first,
                 last,
-                np.empty((lanes.PLACES, lanes.LANES), np.int64),
+                np.empty((lanes.PLACES, lockstep.LANES), np.int64),
                 out,
             )
             for first, last in self._alike(kinds)
@@ -312,31 +312,31 @@ def _hanging(candidate: Candidate, shaft_rad: float) -> float:
     """
     drive, load = candidate.drive, candidate.load
     pull = load.cosine_nm[0] * math.cos(shaft_rad) - load.sine_nm[0] * math.sin(shaft_rad)
-    pull += drive[kernel.CABLE_STIFFNESS] * (drive[kernel.CABLE_REST] - shaft_rad)
-    half = 0.5 * float(drive[kernel.BACKLASH])
+    pull += drive[fields.CABLE_STIFFNESS] * (drive[fields.CABLE_REST] - shaft_rad)
+    half = 0.5 * float(drive[fields.BACKLASH])
     swing = load.moment_nm * half  # what gravity changes by over the play
     part = min(1.0, max(-1.0, float(pull) / swing)) if swing > 0.0 else 0.0
-    return -part * half - float(pull) / float(drive[kernel.GEAR_STIFFNESS])
+    return -part * half - float(pull) / float(drive[fields.GEAR_STIFFNESS])
 
 
 def _hold(row: Array, goal_rad: float, shown_rad: float) -> None:
     """Have a job's position law be at a goal when it begins, where the servo shows an angle."""
     states = row[lanes.OF_STATES : lanes.OF_COMMANDS]
-    row[lanes.OF_COMMANDS + kernel.GOAL_POSITION] = states[kernel.RAMP] = goal_rad
-    step = float(row[kernel.SENSOR_STEP])
+    row[lanes.OF_COMMANDS + fields.GOAL_POSITION] = states[fields.RAMP] = goal_rad
+    step = float(row[fields.SENSOR_STEP])
     last = math.floor(shown_rad / step + 0.5) * step if step > 0.0 else shown_rad
-    states[kernel.LAST_POSITION], states[kernel.WAS_REGULATING] = last, 1.0
+    states[fields.LAST_POSITION], states[fields.WAS_REGULATING] = last, 1.0
 
 
 def shaft_at(drive: Array, shown_rad: float) -> float:
-    """The shaft's angle at which a servo shows an angle, both [rad]: :func:`kernel.sense` undone.
+    """The shaft's angle at which a servo shows an angle, both [rad]: :func:`firmware.sense` undone.
 
     ``drive`` is the column of its parameters. A wave as steep as the turn itself shows some angles
     more than once; then the shaft is only near one of them.
     """
-    plain = shown_rad - float(drive[kernel.ZERO_OFFSET])
+    plain = shown_rad - float(drive[fields.ZERO_OFFSET])
     shaft = plain
-    wave, periods, phase = drive[[kernel.WAVE, kernel.WAVE_PERIODS, kernel.WAVE_PHASE]].tolist()
+    wave, periods, phase = drive[[fields.WAVE, fields.WAVE_PERIODS, fields.WAVE_PHASE]].tolist()
     for _ in range(TURNS if wave else 0):
         shaft = plain - wave * math.sin(periods * shaft + phase)
     return shaft

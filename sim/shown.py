@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from .drive import kernel
-from .drive.kernel import Array
+from .drive import fields, firmware
+from .drive.fields import Array
 from .tree import PhysicalRobot
 
 ON_TIME = 1e-6  #: share of a period by which a step may seem to end before it
@@ -22,7 +22,7 @@ class ShownPosition:
 
     def __init__(self, robot: PhysicalRobot, params: Array, step_s: float) -> None:
         self._params = params
-        turned = (params[kernel.ZERO_OFFSET] != 0.0) | (params[kernel.WAVE] != 0.0)
+        turned = (params[fields.ZERO_OFFSET] != 0.0) | (params[fields.WAVE] != 0.0)
         self._turned: list[bool] = turned.tolist()
         self._skew_s = robot.reading.skew_s
         self._step_s = step_s
@@ -34,7 +34,7 @@ class ShownPosition:
     @staticmethod
     def needed(robot: PhysicalRobot, params: Array) -> bool:
         """Whether any servo of the robot shows another angle than its shaft's."""
-        turned = params[kernel.ZERO_OFFSET].any() or params[kernel.WAVE].any()
+        turned = params[fields.ZERO_OFFSET].any() or params[fields.WAVE].any()
         return bool(turned) or robot.reading.skew_s != 0.0
 
     def keep(self, steps: int, position_rad: Array) -> None:
@@ -52,7 +52,7 @@ class ShownPosition:
         else:
             position_rad += self._skew_s * velocity_rad_s
         if self._turned[i]:
-            position_rad = kernel.sense(self._params, i, position_rad)
+            position_rad = firmware.sense(self._params, i, position_rad)
         return position_rad
 
 

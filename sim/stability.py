@@ -18,8 +18,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .drive import kernel
-from .drive.kernel import Array
+from .drive import fields
+from .drive.fields import Array
 from .drive.parameters import DriveParameters, pack
 from .entries import PhysicsError
 
@@ -32,7 +32,7 @@ def stiffness_number(params: Array, inverse_mass: Array, step_s: float) -> float
     ``params`` is the kernel's parameter array, ``inverse_mass`` the joints' part of the inverse
     mass matrix [1/(kg m^2)], shape (joints, joints), in the same order.
     """
-    gear = params[kernel.GEAR_STIFFNESS] * step_s**2 + params[kernel.GEAR_DAMPING] * step_s
+    gear = params[fields.GEAR_STIFFNESS] * step_s**2 + params[fields.GEAR_DAMPING] * step_s
     root = np.sqrt(gear)
     symmetric = root[:, None] * inverse_mass * root[None, :]
     return float(np.linalg.eigvalsh(0.5 * (symmetric + symmetric.T))[-1])
@@ -74,12 +74,12 @@ def _stiffest(
     params: Array, inverse_mass: Array, step_s: float, number: float, names: Sequence[str]
 ) -> str:
     """The gear that most makes a stiffness number what it is: its values and what they may be."""
-    stiffness, damping = params[kernel.GEAR_STIFFNESS], params[kernel.GEAR_DAMPING]
+    stiffness, damping = params[fields.GEAR_STIFFNESS], params[fields.GEAR_DAMPING]
     own = (stiffness * step_s**2 + damping * step_s) * np.diag(inverse_mass)
     i = int(np.argmax(own))
     if not np.isfinite(stiffness[i]):
         soft = params.copy()
-        soft[kernel.GEAR_STIFFNESS], soft[kernel.GEAR_DAMPING] = 1.0, 0.0
+        soft[fields.GEAR_STIFFNESS], soft[fields.GEAR_DAMPING] = 1.0, 0.0
         most = LARGEST / stiffness_number(soft, inverse_mass, step_s)
         return (
             f"{names[i]}: no gear_stiffness_nm_rad is given, and a rigid gear (inf N m/rad, at "

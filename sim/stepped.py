@@ -18,9 +18,9 @@ import numpy as np
 
 from busemu.plant import DriveCommand, ServoState
 
-from .drive import kernel
+from .drive import fields
 from .drive.bank import EVERY, DriveBank, Fields, command_column
-from .drive.kernel import Array
+from .drive.fields import Array
 from .shown import ShownDuty, ShownPosition
 from .tree import PhysicalRobot
 from .watch import WATCH_S, Contacts, Event, Watch
@@ -28,8 +28,8 @@ from .watch import WATCH_S, Contacts, Event, Watch
 TICK_S = (
     0.001  #: period of the servo's control interrupt; source: measured on AX-12+ (ROBOTIS forum)
 )
-LATE = list(kernel.GOALS)  #: of a command's column, what comes late by the drive's delay
-PROMPT = [field for field in range(kernel.COMMANDS) if field not in kernel.GOALS]
+LATE = list(fields.GOALS)  #: of a command's column, what comes late by the drive's delay
+PROMPT = [field for field in range(fields.COMMANDS) if field not in fields.GOALS]
 ON_GRID = 1e-6  #: share of a grid's spacing within which an instant counts as on the grid
 
 
@@ -147,12 +147,12 @@ class SteppedPlant:
         self._put(0.0, i, PROMPT, column)
         self._put(self._delays_s[i], i, LATE, column)
 
-    def _put(self, late_s: float, i: int, fields: Fields, column: Array) -> None:
+    def _put(self, late_s: float, i: int, which: Fields, column: Array) -> None:
         tick = grid_index(self._now_s + late_s, TICK_S, up=False) + 1
         place = len(self._waiting)
         while place and self._waiting[place - 1][0] > tick:  # only where delays differ
             place -= 1
-        self._waiting.insert(place, (tick, i, fields, column))
+        self._waiting.insert(place, (tick, i, which, column))
 
     def sample(self, servo_id: int) -> ServoState:
         """The state of one servo at exactly the instant last advanced to.
@@ -176,11 +176,11 @@ class SteppedPlant:
         return ServoState(
             position_rad=position,
             velocity_rad_s=velocity,
-            duty=state[kernel.DUTY] if self._renewed is None else self._renewed(i),
-            torque_nm=state[kernel.TORQUE],
-            current_a=state[kernel.CURRENT],
-            voltage_v=state[kernel.VOLTAGE],
-            temperature_c=ambient + (heat + part * (state[kernel.HEAT] - heat)),
+            duty=state[fields.DUTY] if self._renewed is None else self._renewed(i),
+            torque_nm=state[fields.TORQUE],
+            current_a=state[fields.CURRENT],
+            voltage_v=state[fields.VOLTAGE],
+            temperature_c=ambient + (heat + part * (state[fields.HEAT] - heat)),
         )
 
     @property
@@ -224,7 +224,7 @@ class SteppedPlant:
         if self._shown is not None:
             self._shown.keep(self._steps, (self._joint_rad - self._mount[1]) * self._mount[0])
         if self._renewed is not None:
-            self._renewed.keep(self._steps * self._step_s, self.bank.states[kernel.DUTY])
+            self._renewed.keep(self._steps * self._step_s, self.bank.states[fields.DUTY])
         self._until_watch -= 1
         if self._until_watch == 0:
             self._until_watch = self._watch_steps
@@ -233,12 +233,12 @@ class SteppedPlant:
     def _hand_over(self, tick: int) -> None:
         """Give the drives the commands that act from this tick on."""
         while self._waiting and self._waiting[0][0] <= tick:
-            _, i, fields, column = self._waiting.popleft()
-            on = column[kernel.ENABLED] > 0.0 >= self.bank.commands[kernel.ENABLED, i]
-            if on and fields is PROMPT:  # a drive that is switched on knows its goal at once
-                fields = EVERY
+            _, i, which, column = self._waiting.popleft()
+            on = column[fields.ENABLED] > 0.0 >= self.bank.commands[fields.ENABLED, i]
+            if on and which is PROMPT:  # a drive that is switched on knows its goal at once
+                which = EVERY
                 self._forget(i, column)
-            self.bank.command(i, column, fields)
+            self.bank.command(i, column, which)
 
     def _forget(self, i: int, column: Array) -> None:
         """Drop goals of a drive that wait until the late part of a command."""
@@ -247,6 +247,6 @@ class SteppedPlant:
         self._waiting = deque(kept)
 
     def _look(self) -> None:
-        powered = bool(self.bank.commands[kernel.ENABLED].any())
+        powered = bool(self.bank.commands[fields.ENABLED].any())
         now_s = self._steps * self._step_s
         self._watch.look(now_s, self._engine.contacts(), self._engine.lean_rad(), powered)

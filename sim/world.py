@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 
-from .drive.kernel import Array
+from .drive.fields import Array
 from .entries import PhysicsError
 from .model import additions, read_model
 from .observer import Camera, Frame, forces_seen, lean_rad, pose_seen

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from busemu.tables import Robot
-from sim.drive import kernel
+from sim.drive import fields
 from sim.effects import effect
 from sim.robot import PhysicalRobot
 
@@ -88,7 +88,7 @@ def _held(base: PhysicalRobot, robot: Robot, observed: Sequence[Observed]) -> li
 def _aside(observed: Observed) -> float | None:
     """The first goal [rad], if a joint rests at first, and not at it."""
     replay, samples = observed.replay, observed.position
-    if replay.start[kernel.MODE] != kernel.MODE_POSITION or replay.velocity_rad_s != 0.0:
+    if replay.start[fields.MODE] != fields.MODE_POSITION or replay.velocity_rad_s != 0.0:
         return None
     times, goals = observed.goal  # the first of them is what the servo had before any write
     goal = float(goals[1 if len(times) > 1 and times[1] < EARLY_S else 0])

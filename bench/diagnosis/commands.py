@@ -16,7 +16,7 @@ from bench.recording import Recording
 from busemu.plant import DriveCommand, ServoState
 from busemu.servo import Servo
 from busemu.tables import ControlTable, ServoMount
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 from sim.drive.bank import command_column
 from sim.rollout import Replay
 
@@ -58,7 +58,7 @@ def drive_commands(
 ) -> tuple[Floats, Floats]:
     """The column of commands at ``origin_s`` [s, host], and all later changes of it.
 
-    Changes are rows of time [s since ``origin_s``], field of :mod:`sim.drive.kernel` and value.
+    Changes are rows of time [s since ``origin_s``], field of :mod:`sim.drive.fields` and value.
     Registers nobody wrote are as the metadata has them, else as the robot's file, else the
     factory's. A servo whose ``torque_enable`` is nowhere told was switched on before, as was one
     that was given goals and then switched off.
@@ -134,7 +134,7 @@ def _was_on(rows: Sequence[tuple[float, str, int]]) -> bool:
 
 def supply_events(t_s: Floats, volts: Floats) -> Floats:
     """A recorded voltage as what the supply does: rows as :func:`drive_commands` gives them."""
-    field_number = float(lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE)
+    field_number = float(lanes.SUPPLY_EVENT + fields.SUPPLY_VOLTAGE)
     return np.stack([t_s, np.full_like(t_s, field_number), volts], axis=1)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.drive import kernel
+from sim.drive import fields
 
 from .model import Blocks, Hypothesis, JointModel, Kind
 from .noise import Block
@@ -78,12 +78,12 @@ def held_band_rad(model: JointModel, r: int) -> float:
     one = model.observed[r]
     believed = model.candidate(Hypothesis(), np.zeros(len(model.nuisances)), r)
     drive, start = believed.drive, one.replay.start
-    gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW])) * drive[kernel.GAIN_SCALE]
-    if start[kernel.MODE] != kernel.MODE_POSITION or gain <= 0.0:
+    gain = float(max(start[fields.GAIN_CW], start[fields.GAIN_CCW])) * drive[fields.GAIN_SCALE]
+    if start[fields.MODE] != fields.MODE_POSITION or gain <= 0.0:
         return 0.0
-    stall = drive[kernel.TORQUE_CONSTANT] * believed.voltage_v / drive[kernel.RESISTANCE]
+    stall = drive[fields.TORQUE_CONSTANT] * believed.voltage_v / drive[fields.RESISTANCE]
     angles, load = one.position.value[one.position.good], believed.load
     gravity = np.mean(load.sine_nm) * np.mean(np.cos(angles))
     gravity += np.mean(load.cosine_nm) * np.mean(np.sin(angles))
     stiffness = gain * stall + max(0.0, float(gravity))
-    return float((drive[kernel.COULOMB] + drive[kernel.STRIBECK]) / stiffness)
+    return float((drive[fields.COULOMB] + drive[fields.STRIBECK]) / stiffness)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from busemu.tables import Robot
 from busemu.wording import amount
-from sim.drive import kernel
+from sim.drive import fields
 from sim.effects import Effect
 from sim.robot import PhysicalRobot
 
@@ -327,8 +327,8 @@ def _limits(
         )
     first = model.observed[0].replay.start
     if all(
-        o.replay.start[kernel.MODE] == kernel.MODE_POSITION
-        and abs(o.replay.start[kernel.GAIN_CW] - first[kernel.GAIN_CW]) < 1e-9
+        o.replay.start[fields.MODE] == fields.MODE_POSITION
+        and abs(o.replay.start[fields.GAIN_CW] - first[fields.GAIN_CW]) < 1e-9
         for o in model.observed
     ):
         said.append("one position gain in all recordings: gain and torque are hard to tell apart")

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from sim.drive import kernel
+from sim.drive import fields
 from sim.drive.parameters import DriveParameters
 from sim.effects import Effect, Parameter, Scope, catalogue
 from sim.robot import PhysicalRobot
@@ -132,7 +132,7 @@ NOT_TURNED = frozenset(
     {("payload", "x_m"), ("payload", "y_m"), ("payload", "z_m"), (SOFTER, "damping_nm_s_rad")}
 )
 #: of a nuisance that its effect counts in another unit: what the ratio is of
-AMOUNTS = {"coulomb_level": kernel.COULOMB, "viscous_level": kernel.VISCOUS}
+AMOUNTS = {"coulomb_level": fields.COULOMB, "viscous_level": fields.VISCOUS}
 
 
 def effect_knobs(effect: Effect, where: Iterable[str] = ()) -> tuple[Knob, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 
 from .noise import Block
 from .observed import Channel, Observed, Samples, held_at
@@ -52,7 +52,7 @@ class Left:
         self._rail_s = rail_s
         self._speed = speed(observed)
         start = observed.replay.start
-        self._gain = float(max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW]))
+        self._gain = float(max(start[fields.GAIN_CW], start[fields.GAIN_CCW]))
         self._told = not made_s  #: whether no goal that came after it is in a duty
         self._either_s = max(TICK_S, made_s)
         self._changes: dict[float, Floats] = {}

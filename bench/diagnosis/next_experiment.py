@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bench.motions import MOTIONS, ExperimentPlan, motion
 from busemu.tables import ControlTable
-from sim.drive import kernel
+from sim.drive import fields
 from sim.rollout import Replay
 
 from .fit import Fit, linearise, whitened
@@ -93,13 +93,13 @@ def _imagined(model: JointModel, like: Observed, plan: ExperimentPlan, gain: flo
     t = np.arange(0.0, DURATION_S, SAMPLE_S)
     goals = np.array([model.mount.to_servo(g) for g in plan.motion.goal_rad(t).tolist()])
     start = like.replay.start.copy()
-    for field in (kernel.GAIN_CW, kernel.GAIN_CCW):
+    for field in (fields.GAIN_CW, fields.GAIN_CCW):
         start[field] *= gain
-    start[kernel.GOAL_POSITION] = goals[0]
-    events = np.stack([t, np.full_like(t, kernel.GOAL_POSITION), goals], axis=1)
+    start[fields.GOAL_POSITION] = goals[0]
+    events = np.stack([t, np.full_like(t, fields.GOAL_POSITION), goals], axis=1)
     off_s = plan.motion.torque_off_s
     if off_s is not None:
-        events = np.concatenate([events, [[off_s, kernel.ENABLED, 0.0]]])
+        events = np.concatenate([events, [[off_s, fields.ENABLED, 0.0]]])
         events = events[np.argsort(events[:, 0], kind="stable")]
     index = np.arange(len(t))
     channels: dict[Channel, Samples] = {

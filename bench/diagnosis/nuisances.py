@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.drive import kernel
+from sim.drive import fields
 from sim.entries import Section
 from sim.rollout import Candidate, Load
 from sim.stepped import TICK_S
@@ -100,9 +100,9 @@ class Nuisance(Reaching):
         return (value - off) / max(self.deviation * size, 1e-12)
 
 
-def _scaled(*fields: int, least: float = 0.0) -> Callable[[Candidate, float], Candidate]:
+def _scaled(*which: int, least: float = 0.0) -> Callable[[Candidate, float], Candidate]:
     def change(candidate: Candidate, x: float) -> Candidate:
-        for field in fields:
+        for field in which:
             candidate.drive[field] *= max(least, 1.0 + x)
         return candidate
 
@@ -118,17 +118,17 @@ def _times(field: int) -> Callable[[Candidate, float], Candidate]:
 
 
 def _punch(candidate: Candidate, x: float) -> Candidate:
-    candidate.drive[kernel.PUNCH_LEFT_OUT] += x
+    candidate.drive[fields.PUNCH_LEFT_OUT] += x
     return candidate
 
 
 def _presliding(candidate: Candidate, x: float) -> Candidate:
-    candidate.drive[kernel.BREAKAWAY] += x
+    candidate.drive[fields.BREAKAWAY] += x
     return candidate
 
 
 def _zero(candidate: Candidate, x: float) -> Candidate:
-    candidate.drive[kernel.ZERO_OFFSET] += x
+    candidate.drive[fields.ZERO_OFFSET] += x
     return candidate
 
 
@@ -168,14 +168,14 @@ NUISANCES = (
         "(ratio)",
         0.06,
         "specimens: +-10 %",
-        _scaled(kernel.TORQUE_CONSTANT, kernel.BACK_EMF),
+        _scaled(fields.TORQUE_CONSTANT, fields.BACK_EMF),
     ),
     Nuisance(
         STALL,
         "(ratio)",
         0.06,  # of an XL-320; a joint has its own
         "whether a stall torque is told with friction or before it is in no data sheet; assumed",
-        _scaled(kernel.TORQUE_CONSTANT),
+        _scaled(fields.TORQUE_CONSTANT),
         reach=0.0,
         least=-1.0,
     ),
@@ -184,16 +184,16 @@ NUISANCES = (
         "(ratio)",
         0.04,
         "no-load figures of data sheets; assumed",
-        _scaled(kernel.BACK_EMF),
+        _scaled(fields.BACK_EMF),
     ),
-    Nuisance("coulomb_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.COULOMB)),
-    Nuisance("viscous_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(kernel.VISCOUS)),
+    Nuisance("coulomb_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(fields.COULOMB)),
+    Nuisance("viscous_level", "(ratio)", 0.18, "specimens: +-30 %", _scaled(fields.VISCOUS)),
     Nuisance(
         "rotor_level",
         "(ratio)",
         0.02,
         "rotors of one make; assumed",
-        _scaled(kernel.ROTOR_INERTIA, least=LIGHTEST),
+        _scaled(fields.ROTOR_INERTIA, least=LIGHTEST),
     ),
     Nuisance("link", "(ratio)", 0.05, "mass +-5 %, centre of mass +-3 mm along it", _link),
     Nuisance("centre", "rad", 0.02, "centre of mass +-3 mm across the link", _centre),
@@ -217,7 +217,7 @@ NUISANCES = (
         lambda c, x: replace(c, voltage_v=c.voltage_v * (1.0 + x)),
     ),
     Nuisance(
-        "gain", "(ratio)", 0.03, "scale of a gain register; assumed", _scaled(kernel.GAIN_SCALE)
+        "gain", "(ratio)", 0.03, "scale of a gain register; assumed", _scaled(fields.GAIN_SCALE)
     ),
     Nuisance(
         PUNCH,
@@ -242,7 +242,7 @@ NUISANCES = (
         LOGARITHM,
         math.log(4.0),
         "no data sheet tells a gear's stiffness; softer is a finding; assumed",
-        _times(kernel.GEAR_STIFFNESS),
+        _times(fields.GEAR_STIFFNESS),
         least=0.0,
     ),
     Nuisance(
@@ -250,7 +250,7 @@ NUISANCES = (
         LOGARITHM,
         math.log(4.0),
         "no data sheet tells a gear's damping; assumed",
-        _times(kernel.GEAR_DAMPING),
+        _times(fields.GEAR_DAMPING),
     ),
 )
 
@@ -302,6 +302,6 @@ def nuisances(
     )
 
 
-def has_punch(start: Floats, fields: Floats, values: Floats) -> bool:
+def has_punch(start: Floats, changed: Floats, values: Floats) -> bool:
     """Whether drives are ever told a punch: by commands at first, or by changes of fields."""
-    return bool((start[kernel.PUNCH] > 0.0).any() or (values[fields == kernel.PUNCH] > 0.0).any())
+    return bool((start[fields.PUNCH] > 0.0).any() or (values[changed == fields.PUNCH] > 0.0).any())

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bench.recording import Recording, RecordingError
 from busemu.tables import Robot
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 from sim.rollout import Replay
 
 from .commands import drive_commands, supply_events
@@ -102,7 +102,7 @@ class Observed:
         samples = self.position
         t_s = samples.t_s[samples.good]
         goal = held_at(self.goal, t_s)
-        if self.replay.start[kernel.MODE] != kernel.MODE_POSITION:
+        if self.replay.start[fields.MODE] != fields.MODE_POSITION:
             goal = np.full(len(t_s), np.nan)
         return t_s, goal, samples.value[samples.good]
 
@@ -224,9 +224,9 @@ def _observe(recording: Recording, robot: Robot, joint: str) -> Observed | None:
             good if channel is Channel.POSITION else lonely(value, step),
         )
     velocity = _first_velocity(times[good], angles[good], quantum)
-    is_goal = events[:, 1] == kernel.GOAL_POSITION
+    is_goal = events[:, 1] == fields.GOAL_POSITION
     goal_t = np.concatenate([[0.0], events[is_goal, 0]])
-    goal = np.concatenate([[start[kernel.GOAL_POSITION]], events[is_goal, 2]])
+    goal = np.concatenate([[start[fields.GOAL_POSITION]], events[is_goal, 2]])
     condition = recording.metadata.get("condition", {})
     return Observed(
         name=recording.name,
@@ -317,11 +317,11 @@ def _with_duty(
     if not len(duty):
         return start, events
     start = start.copy()
-    start[kernel.MODE], start[kernel.ENABLED] = kernel.MODE_PWM, 1.0
-    start[kernel.GOAL_DUTY] = duty[max(0, int(np.searchsorted(times, origin_s, "right")) - 1)]
+    start[fields.MODE], start[fields.ENABLED] = fields.MODE_PWM, 1.0
+    start[fields.GOAL_DUTY] = duty[max(0, int(np.searchsorted(times, origin_s, "right")) - 1)]
     first = np.flatnonzero(np.diff(duty, prepend=duty[0]) != 0.0)
     first = first[times[first] > origin_s]
-    field = np.full(len(first), float(kernel.GOAL_DUTY))
+    field = np.full(len(first), float(fields.GOAL_DUTY))
     rows = np.stack([times[first] - origin_s, field, duty[first]], axis=1)
     events = np.concatenate([events, rows])
     return start, events[np.argsort(events[:, 0], kind="stable")]

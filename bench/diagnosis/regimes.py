@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.drive import kernel
+from sim.drive import fields
 
 from .model import Blocks, Kind
 from .observed import Channel, Observed, held_at
@@ -66,7 +66,7 @@ def regimes(observed: Observed, top_speed: float) -> dict[str, Mask]:
         parts["saturation"] = at > SATURATED_DUTY
     else:
         start = observed.replay.start
-        gain = max(start[kernel.GAIN_CW], start[kernel.GAIN_CCW])
+        gain = max(start[fields.GAIN_CW], start[fields.GAIN_CCW])
         error = held_at(observed.goal, t) - samples.value
         parts["high_load"] = gain * np.abs(error) > LOADED_DUTY
     return parts

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bench.recording import Recording, RecordingError, joint_track
 from bench.recording.rules import READ
 from busemu.tables import Robot
-from sim.drive import kernel
+from sim.drive import fields
 from sim.drive.parameters import pack
 from sim.model import read_model
 from sim.stability import LARGEST, stiffness_number, too_stiff
@@ -39,7 +39,7 @@ class Course:
 
     Joints are in the order of the robot file's servos. ``start`` (commands, joints) holds the
     drives' commands at first; ``events`` (n, 4) are time [s since the first], joint, field of
-    :mod:`sim.drive.kernel` and value, in order of time. Angles are the joints' own.
+    :mod:`sim.drive.fields` and value, in order of time. Angles are the joints' own.
     """
 
     name: str
@@ -216,7 +216,7 @@ class _Stage(SteppedPlant):
             if tick % BASE_EVERY == 0:
                 ground = self._engine.contacts().ground_n
                 stands.append([ground.get(foot, 0.0) > 0.0 for foot in feet])
-                volts.append(float(self.bank.states[kernel.VOLTAGE].mean()))
+                volts.append(float(self.bank.states[fields.VOLTAGE].mean()))
                 if base:
                     heights.append(self._engine.observe()[HEIGHT])
             for _ in range(self._steps_per_tick):
@@ -232,10 +232,10 @@ class _Stage(SteppedPlant):
         """What the servos' sensors make of the joints' angles, in the joints' frame."""
         params = self.bank.params
         servo = (joint_rad - self._mount[1]) * self._mount[0]
-        wave = params[kernel.WAVE] * np.sin(
-            params[kernel.WAVE_PERIODS] * servo + params[kernel.WAVE_PHASE]
+        wave = params[fields.WAVE] * np.sin(
+            params[fields.WAVE_PERIODS] * servo + params[fields.WAVE_PHASE]
         )
-        sensed: Floats = joint_rad + self._mount[0] * (params[kernel.ZERO_OFFSET] + wave)
+        sensed: Floats = joint_rad + self._mount[0] * (params[fields.ZERO_OFFSET] + wave)
         return sensed
 
 
@@ -244,8 +244,8 @@ def _acts_s(events: Floats, delays_s: Sequence[float]) -> Floats:
     time_s, joint, field, value = events.T
     acts_s: Floats = time_s.copy()
     for j, delay_s in enumerate(delays_s):
-        goals = (joint == j) & np.isin(field, kernel.GOALS)
-        on_s = time_s[(joint == j) & (field == kernel.ENABLED) & (value > 0.0)]
+        goals = (joint == j) & np.isin(field, fields.GOALS)
+        on_s = time_s[(joint == j) & (field == fields.ENABLED) & (value > 0.0)]
         next_on_s = np.append(on_s, np.inf)[np.searchsorted(on_s, time_s[goals])]
         acts_s[goals] = np.minimum(time_s[goals] + delay_s, next_on_s)
     return acts_s

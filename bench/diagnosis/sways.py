@@ -10,11 +10,19 @@ recording, as the joint is believed to be, and the likelihood sums over how much
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from sim.drive import kernel
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.drive import fields
 from sim.rollout import Candidate
+
+from .left import runs_away
+from .noise import Block
+
+Floats = NDArray[np.float64]
 
 #: deviation of dry friction from one motion to the next, of its size: repeats of one motion differ
 #: by some per cent; assumed
@@ -28,7 +36,7 @@ Sway = Callable[[Candidate, float], Candidate]
 def friction(candidate: Candidate, deviations: float) -> Candidate:
     """With more dry friction, by so many deviations."""
     drive = candidate.drive.copy()
-    drive[[kernel.COULOMB, kernel.STRIBECK]] *= 1.0 + FRICTION * deviations
+    drive[[fields.COULOMB, fields.STRIBECK]] *= 1.0 + FRICTION * deviations
     return replace(candidate, drive=drive)
 
 
@@ -38,3 +46,21 @@ def supply(candidate: Candidate, deviations: float) -> Candidate:
 
 
 SWAYS: tuple[Sway, ...] = (friction, supply)
+SIDES = (1.0, -1.0)
+WAYS = len(SWAYS) * len(SIDES)
+
+
+def both_ways(candidate: Candidate) -> list[Candidate]:
+    """With more and with less of each that sways."""
+    return [sway(candidate, side) for sway in SWAYS for side in SIDES]
+
+
+def swings(blocks: Sequence[Block]) -> Floats:
+    """What one deviation of each changes (n, sways), from the blocks of :func:`both_ways`, if any.
+
+    Where a rollout ran away that is taken for nothing.
+    """
+    if not blocks or runs_away(dict(enumerate(blocks))):
+        return np.zeros((len(blocks[0].value) if blocks else 0, len(SWAYS)))
+    pairs = zip(blocks[::2], blocks[1::2], strict=True)
+    return np.stack([(less.value - more.value) / 2.0 for more, less in pairs], axis=1)

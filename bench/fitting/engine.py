@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.observed import Observed
-from sim.drive import kernel
+from sim.drive import fields
 from sim.stepped import TICK_S
 
 from .problem import Plain, Problem, SameModel
@@ -114,8 +114,8 @@ class MujocoReplay(Replayed):
 
 def _held(one: Observed, t_s: Floats) -> Floats:
     """The goal that holds at some instants."""
-    events = one.replay.events[one.replay.events[:, 1] == kernel.GOAL_POSITION]
-    goals = np.concatenate([one.replay.start[[kernel.GOAL_POSITION]], events[:, 2]])
+    events = one.replay.events[one.replay.events[:, 1] == fields.GOAL_POSITION]
+    goals = np.concatenate([one.replay.start[[fields.GOAL_POSITION]], events[:, 2]])
     held: Floats = goals[np.searchsorted(events[:, 0], t_s + 1e-9, side="right")]
     return held
 

@@ -20,7 +20,7 @@ from bench.importers.bam_loop import TRAJECTORIES
 from bench.recording import RecordingError
 from busemu.plant import DriveCommand
 from busemu.tables import Robot, load_robot
-from sim.drive import kernel
+from sim.drive import fields
 from sim.drive.bank import command_column
 from sim.effects import effect
 from sim.robot import PhysicalRobot, read_physics
@@ -116,18 +116,18 @@ class Plain:
     def of(cls, candidate: Candidate, replay: Replay) -> Plain:
         """Read a candidate."""
         drive, load = candidate.drive, candidate.load
-        strength = float(drive[kernel.TORQUE_CONSTANT] / drive[kernel.RESISTANCE])
-        zero = float(drive[kernel.ZERO_OFFSET])
+        strength = float(drive[fields.TORQUE_CONSTANT] / drive[fields.RESISTANCE])
+        zero = float(drive[fields.ZERO_OFFSET])
         return cls(
             strength * candidate.voltage_v,
-            strength * float(drive[kernel.BACK_EMF]),
-            float(replay.start[kernel.GAIN_CCW]),
-            float(replay.start[kernel.DUTY_LIMIT]),
+            strength * float(drive[fields.BACK_EMF]),
+            float(replay.start[fields.GAIN_CCW]),
+            float(replay.start[fields.DUTY_LIMIT]),
             load.inertia_kg_m2,
-            float(drive[kernel.ROTOR_INERTIA]),
-            float(drive[kernel.COULOMB]),
-            float(drive[kernel.VISCOUS]),
-            float(drive[kernel.LOAD_MOTOR]),
+            float(drive[fields.ROTOR_INERTIA]),
+            float(drive[fields.COULOMB]),
+            float(drive[fields.VISCOUS]),
+            float(drive[fields.LOAD_MOTOR]),
             float(load.sine_nm[0]),
             float(load.cosine_nm[0]),
             zero,
@@ -212,7 +212,7 @@ def _draft(robot: Robot, kp: int, motion: str, duration_s: float) -> Observed:
         gain_cw_per_rad=gain,
         gain_ccw_per_rad=gain,
     )
-    events = np.stack([t_s, np.full_like(t_s, kernel.GOAL_POSITION), goals], axis=1)
+    events = np.stack([t_s, np.full_like(t_s, fields.GOAL_POSITION), goals], axis=1)
     place, step = np.arange(len(t_s)), table["present_position"].si_scale
     samples = Samples("present_position", seen_s, 0.0 * t_s, step, place, np.isfinite(t_s))
     return Observed(
@@ -238,7 +238,7 @@ def recorded(model: str, folder: Path) -> Problem:
     told = [
         replace(one, channels={Channel.POSITION: one.position})
         for one in told
-        if not (one.replay.events[:, 1] == kernel.ENABLED).any()
+        if not (one.replay.events[:, 1] == fields.ENABLED).any()
     ]
     most = max((one.registers["position_p_gain"] for one in told), default=0)
     fitted = [one for one in told if one.registers["position_p_gain"] == most]

@@ -9,14 +9,14 @@ import numpy as np
 
 from busemu.plant import DriveCommand, OperatingMode
 
-from . import kernel
-from .kernel import Array
+from . import fields, firmware, kernel
+from .fields import Array
 from .parameters import DriveParameters, pack
 
 MODES = {
-    OperatingMode.POSITION: kernel.MODE_POSITION,
-    OperatingMode.VELOCITY: kernel.MODE_VELOCITY,
-    OperatingMode.PWM: kernel.MODE_PWM,
+    OperatingMode.POSITION: fields.MODE_POSITION,
+    OperatingMode.VELOCITY: fields.MODE_VELOCITY,
+    OperatingMode.PWM: fields.MODE_PWM,
 }
 Fields = slice | list[int]  #: of a command's column
 EVERY = slice(None)
@@ -24,22 +24,22 @@ EVERY = slice(None)
 
 def command_column(command: DriveCommand) -> Array:
     """A command as one column of the kernel's command array."""
-    column = [0.0] * kernel.COMMANDS
-    column[kernel.ENABLED] = float(command.torque_enable)
-    column[kernel.MODE] = MODES[command.operating_mode]
-    column[kernel.GOAL_POSITION] = command.goal_position_rad
-    column[kernel.GOAL_VELOCITY] = command.goal_velocity_rad_s
-    column[kernel.GOAL_DUTY] = command.goal_duty
-    column[kernel.VELOCITY_LIMIT] = command.velocity_limit_rad_s
-    column[kernel.ACCELERATION_LIMIT] = command.acceleration_limit_rad_s2
-    column[kernel.DUTY_LIMIT] = min(1.0, max(0.0, command.duty_limit))
-    column[kernel.GAIN_CW] = command.gain_cw_per_rad
-    column[kernel.GAIN_CCW] = command.gain_ccw_per_rad
-    column[kernel.MARGIN_CW] = command.margin_cw_rad
-    column[kernel.MARGIN_CCW] = command.margin_ccw_rad
-    column[kernel.PUNCH] = command.punch_duty
-    column[kernel.INTEGRAL_GAIN] = command.integral_gain_per_rad_s
-    column[kernel.DERIVATIVE_GAIN] = command.derivative_gain_s_per_rad
+    column = [0.0] * fields.COMMANDS
+    column[fields.ENABLED] = float(command.torque_enable)
+    column[fields.MODE] = MODES[command.operating_mode]
+    column[fields.GOAL_POSITION] = command.goal_position_rad
+    column[fields.GOAL_VELOCITY] = command.goal_velocity_rad_s
+    column[fields.GOAL_DUTY] = command.goal_duty
+    column[fields.VELOCITY_LIMIT] = command.velocity_limit_rad_s
+    column[fields.ACCELERATION_LIMIT] = command.acceleration_limit_rad_s2
+    column[fields.DUTY_LIMIT] = min(1.0, max(0.0, command.duty_limit))
+    column[fields.GAIN_CW] = command.gain_cw_per_rad
+    column[fields.GAIN_CCW] = command.gain_ccw_per_rad
+    column[fields.MARGIN_CW] = command.margin_cw_rad
+    column[fields.MARGIN_CCW] = command.margin_ccw_rad
+    column[fields.PUNCH] = command.punch_duty
+    column[fields.INTEGRAL_GAIN] = command.integral_gain_per_rad_s
+    column[fields.DERIVATIVE_GAIN] = command.derivative_gain_s_per_rad
     if any(map(math.isnan, column)):
         raise ValueError(f"a drive command must not hold NaN: {command}")
     return np.array(column)
@@ -66,13 +66,13 @@ class DriveBank:
     ) -> None:
         count = len(drives)
         self.params = pack(drives)
-        self.states = np.zeros((kernel.STATES, count))
-        self.commands = np.zeros((kernel.COMMANDS, count))
+        self.states = np.zeros((fields.STATES, count))
+        self.commands = np.zeros((fields.COMMANDS, count))
         self.supplies = np.array([[supply_voltage_v], [supply_resistance_ohm]])
         self.commands[:] = command_column(DriveCommand()).reshape(-1, 1)
-        self.states[kernel.ROTOR_POSITION] = position_rad
-        self.states[kernel.VOLTAGE] = supply_voltage_v
-        self._arrays = kernel.Arrays(self.params, self.states, self.commands, self.supplies)
+        self.states[fields.ROTOR_POSITION] = position_rad
+        self.states[fields.VOLTAGE] = supply_voltage_v
+        self._arrays = fields.Arrays(self.params, self.states, self.commands, self.supplies)
         self._step_s = step_s
         self._substeps = substeps
         self._tick_s = tick_s
@@ -81,16 +81,16 @@ class DriveBank:
     @property
     def torque_nm(self) -> Array:
         """Mean torque of each output shaft on its load during the last step (a view)."""
-        view: Array = self.states[kernel.TORQUE]
+        view: Array = self.states[fields.TORQUE]
         return view
 
-    def command(self, index: int, column: Array, fields: Fields = EVERY) -> None:
+    def command(self, index: int, column: Array, which: Fields = EVERY) -> None:
         """Give one servo a command, as made by :func:`command_column`, or some fields of it."""
-        self.commands[fields, index] = column[fields]
+        self.commands[which, index] = column[which]
 
     def tick(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Run every firmware once on the shafts' angles and velocities."""
-        kernel.control(self._arrays, position_rad, velocity_rad_s, self._tick_s)
+        firmware.control(self._arrays, position_rad, velocity_rad_s, self._tick_s)
 
     def step(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Move the rotors by one step while the shafts move on from the given state."""
@@ -105,7 +105,7 @@ class DriveBank:
         """Run the compiled code once on a copy, so that nothing is compiled while serving."""
         still = np.zeros(self.params.shape[1])
         copy = self._arrays._replace(states=self.states.copy())
-        kernel.control(copy, still, still, self._tick_s)
+        firmware.control(copy, still, still, self._tick_s)
         kernel.drive(copy, still, still, self._step_s, self._substeps)
         three = np.zeros((3, still.size))
         kernel.move(copy, three[:2], three, three, 0.0, self._step_s, self._substeps)

@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from ..entries import Section
-from . import kernel
-from .kernel import Array
+from . import fields, rotor
+from .fields import Array
 
 COPPER_RISE_PER_K = 0.0039  #: of a winding's resistance
 DATA_SHEET_TOLERANCE = 0.25  #: assumed: spread of specimens and of fits worth believing
@@ -64,27 +64,27 @@ class Friction:
 
     def level_nm(self, velocity_rad_s: float, motor_nm: float, external_nm: float) -> float:
         """The friction level [N m], as the compiled step has it."""
-        params = np.zeros((kernel.PARAMS, 1))
+        params = np.zeros((fields.PARAMS, 1))
         for name, field in _FRICTION_FIELDS.items():
             params[field] = getattr(self, name)
-        train = kernel.train(
-            params, 0, 0.0, 0.0, kernel.falling(params, 0), kernel.is_raised(params, 0)
+        train = rotor.train(
+            params, 0, 0.0, 0.0, rotor.falling(params, 0), rotor.is_raised(params, 0)
         )
-        return float(kernel.friction_level(train, velocity_rad_s, motor_nm, external_nm))
+        return float(rotor.friction_level(train, velocity_rad_s, motor_nm, external_nm))
 
 
 _FRICTION_FIELDS = {
-    "coulomb_nm": kernel.COULOMB,
-    "viscous_nm_s_rad": kernel.VISCOUS,
-    "stribeck_nm": kernel.STRIBECK,
-    "stribeck_velocity_rad_s": kernel.STRIBECK_VELOCITY,
-    "stribeck_exponent": kernel.STRIBECK_EXPONENT,
-    "load_motor": kernel.LOAD_MOTOR,
-    "load_external": kernel.LOAD_EXTERNAL,
-    "load_motor_stribeck": kernel.LOAD_MOTOR_STRIBECK,
-    "load_external_stribeck": kernel.LOAD_EXTERNAL_STRIBECK,
-    "quadratic_motor_per_nm": kernel.QUADRATIC_MOTOR,
-    "quadratic_external_per_nm": kernel.QUADRATIC_EXTERNAL,
+    "coulomb_nm": fields.COULOMB,
+    "viscous_nm_s_rad": fields.VISCOUS,
+    "stribeck_nm": fields.STRIBECK,
+    "stribeck_velocity_rad_s": fields.STRIBECK_VELOCITY,
+    "stribeck_exponent": fields.STRIBECK_EXPONENT,
+    "load_motor": fields.LOAD_MOTOR,
+    "load_external": fields.LOAD_EXTERNAL,
+    "load_motor_stribeck": fields.LOAD_MOTOR_STRIBECK,
+    "load_external_stribeck": fields.LOAD_EXTERNAL_STRIBECK,
+    "quadratic_motor_per_nm": fields.QUADRATIC_MOTOR,
+    "quadratic_external_per_nm": fields.QUADRATIC_EXTERNAL,
 }
 
 
@@ -182,7 +182,7 @@ class DriveParameters:
 
     def column(self) -> Array:
         """These parameters as one column of the kernel's parameter array."""
-        column = np.zeros(kernel.PARAMS)
+        column = np.zeros(fields.PARAMS)
         for name, field in _FIELDS.items():
             column[field] = getattr(self, name)
         for name, field in _FRICTION_FIELDS.items():
@@ -191,42 +191,42 @@ class DriveParameters:
 
 
 _FIELDS = {
-    "resistance_ohm": kernel.RESISTANCE,
-    "torque_constant_nm_a": kernel.TORQUE_CONSTANT,
-    "back_emf_v_s_rad": kernel.BACK_EMF,
-    "rotor_inertia_kg_m2": kernel.ROTOR_INERTIA,
-    "gear_stiffness_nm_rad": kernel.GEAR_STIFFNESS,
-    "gear_damping_nm_s_rad": kernel.GEAR_DAMPING,
-    "backlash_rad": kernel.BACKLASH,
-    "sensor_step_rad": kernel.SENSOR_STEP,
-    "velocity_full_scale_rad_s": kernel.VELOCITY_SCALE,
-    "velocity_gain_s_rad": kernel.VELOCITY_GAIN,
-    "ambient_c": kernel.AMBIENT,
-    "heat_resistance_k_w": kernel.HEAT_RESISTANCE,
-    "heat_time_constant_s": kernel.HEAT_TIME,
-    "resistance_rise_per_k": kernel.RESISTANCE_RISE,
-    "gain_scale": kernel.GAIN_SCALE,
-    "margin_more_rad": kernel.MARGIN_MORE,
-    "punch_more": kernel.PUNCH_MORE,
-    "punch_left_out": kernel.PUNCH_LEFT_OUT,
-    "breakaway_rad": kernel.BREAKAWAY,
-    "integral_more_per_rad_s": kernel.INTEGRAL_MORE,
-    "velocity_cap_rad_s": kernel.VELOCITY_CAP,
-    "acceleration_cap_rad_s2": kernel.ACCELERATION_CAP,
-    "duty_cap": kernel.DUTY_CAP,
-    "current_cap_a": kernel.CURRENT_CAP,
-    "torque_droop_per_a": kernel.TORQUE_DROOP,
-    "delay_s": kernel.DELAY,
-    "zero_offset_rad": kernel.ZERO_OFFSET,
-    "wave_rad": kernel.WAVE,
-    "wave_periods": kernel.WAVE_PERIODS,
-    "wave_phase_rad": kernel.WAVE_PHASE,
-    "cable_stiffness_nm_rad": kernel.CABLE_STIFFNESS,
-    "cable_rest_rad": kernel.CABLE_REST,
-    "winding_heat_resistance_k_w": kernel.WINDING_HEAT_RESISTANCE,
-    "winding_heat_time_s": kernel.WINDING_HEAT_TIME,
-    "overload_duty": kernel.OVERLOAD_DUTY,
-    "overload_time_s": kernel.OVERLOAD_TIME,
+    "resistance_ohm": fields.RESISTANCE,
+    "torque_constant_nm_a": fields.TORQUE_CONSTANT,
+    "back_emf_v_s_rad": fields.BACK_EMF,
+    "rotor_inertia_kg_m2": fields.ROTOR_INERTIA,
+    "gear_stiffness_nm_rad": fields.GEAR_STIFFNESS,
+    "gear_damping_nm_s_rad": fields.GEAR_DAMPING,
+    "backlash_rad": fields.BACKLASH,
+    "sensor_step_rad": fields.SENSOR_STEP,
+    "velocity_full_scale_rad_s": fields.VELOCITY_SCALE,
+    "velocity_gain_s_rad": fields.VELOCITY_GAIN,
+    "ambient_c": fields.AMBIENT,
+    "heat_resistance_k_w": fields.HEAT_RESISTANCE,
+    "heat_time_constant_s": fields.HEAT_TIME,
+    "resistance_rise_per_k": fields.RESISTANCE_RISE,
+    "gain_scale": fields.GAIN_SCALE,
+    "margin_more_rad": fields.MARGIN_MORE,
+    "punch_more": fields.PUNCH_MORE,
+    "punch_left_out": fields.PUNCH_LEFT_OUT,
+    "breakaway_rad": fields.BREAKAWAY,
+    "integral_more_per_rad_s": fields.INTEGRAL_MORE,
+    "velocity_cap_rad_s": fields.VELOCITY_CAP,
+    "acceleration_cap_rad_s2": fields.ACCELERATION_CAP,
+    "duty_cap": fields.DUTY_CAP,
+    "current_cap_a": fields.CURRENT_CAP,
+    "torque_droop_per_a": fields.TORQUE_DROOP,
+    "delay_s": fields.DELAY,
+    "zero_offset_rad": fields.ZERO_OFFSET,
+    "wave_rad": fields.WAVE,
+    "wave_periods": fields.WAVE_PERIODS,
+    "wave_phase_rad": fields.WAVE_PHASE,
+    "cable_stiffness_nm_rad": fields.CABLE_STIFFNESS,
+    "cable_rest_rad": fields.CABLE_REST,
+    "winding_heat_resistance_k_w": fields.WINDING_HEAT_RESISTANCE,
+    "winding_heat_time_s": fields.WINDING_HEAT_TIME,
+    "overload_duty": fields.OVERLOAD_DUTY,
+    "overload_time_s": fields.OVERLOAD_TIME,
 }
 
 
@@ -282,7 +282,7 @@ def read_drive(section: Section) -> DriveParameters:
             f"stall_current_a = {sheet.stall_current_a} A"
         )
     ratio = section.number("gear_ratio", "(ratio)", 1.0, 2000.0)
-    rotor = section.number("motor_inertia_kg_m2", "kg m^2", 1e-10, 1e-3)
+    inertia = section.number("motor_inertia_kg_m2", "kg m^2", 1e-10, 1e-3)
     resistance = section.number(
         "resistance_ohm", "ohm", 0.1, 1000.0, default=sheet.voltage_v / sheet.stall_current_a
     )
@@ -299,14 +299,14 @@ def read_drive(section: Section) -> DriveParameters:
                 f"for ({spare:.3g} N m): lower it, raise no_load_current_a, or give "
                 "viscous_nm_s_rad"
             )
-        friction = Friction(**(_as_dict(friction) | {"viscous_nm_s_rad": viscous}))
+        friction = Friction(**(asdict(friction) | {"viscous_nm_s_rad": viscous}))
     emf = (sheet.voltage_v - resistance * sheet.no_load_current_a) / sheet.no_load_velocity_rad_s
     drive = DriveParameters(
         data_sheet=sheet,
         resistance_ohm=resistance,
         torque_constant_nm_a=constant,
         back_emf_v_s_rad=section.number("back_emf_v_s_rad", "V s/rad", 1e-3, 100.0, default=emf),
-        rotor_inertia_kg_m2=rotor * ratio**2,
+        rotor_inertia_kg_m2=inertia * ratio**2,
         friction=friction,
         gear_stiffness_nm_rad=section.number(
             "gear_stiffness_nm_rad", "N m/rad", 0.1, 1e5, default=math.inf
@@ -336,17 +336,13 @@ def read_drive(section: Section) -> DriveParameters:
 
 
 def _friction(section: Section) -> Friction:
-    defaults = _as_dict(Friction())
+    defaults = asdict(Friction())
     return Friction(
         **{
             key: section.number(key, unit, low, high, default=defaults[key])
             for key, (unit, low, high) in _FRICTION.items()
         }
     )
-
-
-def _as_dict(friction: Friction) -> dict[str, float]:
-    return {field.name: getattr(friction, field.name) for field in fields(friction)}
 
 
 def _torque_constant(sheet: DataSheet, friction: Friction) -> float:

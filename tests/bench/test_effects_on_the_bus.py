@@ -15,7 +15,7 @@ from busemu.tables import Robot, load_robot
 from busemu.tables.robots import parse_robot
 from busemu.timing import load_profile
 from hal.robot_control import RobotControl
-from sim.drive import kernel
+from sim.drive import fields
 from sim.effects import Effect, Scope, catalogue
 from sim.world import BulletPlant
 
@@ -131,7 +131,7 @@ def test_goals_of_servos_with_other_delays_overtake_each_other() -> None:
         for servo_id, angle in begun.items():  # the slow one first
             plant.command(servo_id, DriveCommand(True, goal_position_rad=angle + more))
         plant.advance(0.03 * turn)
-    goals = plant.bank.commands[kernel.GOAL_POSITION]
+    goals = plant.bank.commands[fields.GOAL_POSITION]
     here = np.array(list(begun.values()))
     assert (goals - here).tolist() == pytest.approx([0.0, 0.3, 0.3])
     plant.advance(0.09)

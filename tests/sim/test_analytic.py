@@ -13,7 +13,7 @@ from sim_rigs import changed
 
 from busemu.plant import DriveCommand, OperatingMode
 from busemu.tables import Robot, load_robot
-from sim.drive import kernel
+from sim.drive import fields
 from sim.one_joint import OneJointLoad, one_joint_load
 from sim.world import BulletPlant
 
@@ -95,11 +95,11 @@ def energies_j(plant: BulletPlant, seconds: float) -> np.ndarray:
     for step in range(round(seconds / plant.step_s)):
         plant.advance(plant.step_s * (step + 1))
         seen = plant.sample(SERVO)
-        twist = states[kernel.ROTOR_POSITION] - seen.position_rad
+        twist = states[fields.ROTOR_POSITION] - seen.position_rad
         rows.append(
             0.5 * load.inertia_kg_m2 * seen.velocity_rad_s**2
-            + 0.5 * params[kernel.ROTOR_INERTIA] * states[kernel.ROTOR_VELOCITY] ** 2
-            + 0.5 * params[kernel.GEAR_STIFFNESS] * twist**2
+            + 0.5 * params[fields.ROTOR_INERTIA] * states[fields.ROTOR_VELOCITY] ** 2
+            + 0.5 * params[fields.GEAR_STIFFNESS] * twist**2
             + load.gravity_nm * (1.0 - math.cos(seen.position_rad))
         )
     return np.array(rows)

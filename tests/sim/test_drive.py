@@ -11,7 +11,7 @@ import pytest
 
 from busemu.plant import DriveCommand, OperatingMode, position_duty
 from busemu.tables import load_robot
-from sim.drive import kernel
+from sim.drive import fields
 from sim.drive.bank import DriveBank, command_column
 from sim.drive.parameters import DriveParameters, Friction
 from sim.robot import read_physics
@@ -75,7 +75,7 @@ def test_a_free_shaft_runs_at_the_no_load_speed(name: str) -> None:
     bank.command(0, command_column(FULL))
     _, velocity = spin(bank, 1.0)
     assert velocity == pytest.approx(drive.data_sheet.no_load_velocity_rad_s, rel=0.01)
-    assert bank.states[kernel.CURRENT, 0] == pytest.approx(
+    assert bank.states[fields.CURRENT, 0] == pytest.approx(
         drive.data_sheet.no_load_current_a, rel=0.03
     )
 
@@ -100,7 +100,7 @@ def test_static_torque_is_a_line_in_the_error_that_saturates_at_stall(name: str)
     wanted = np.sign(errors) * np.maximum(level, 0.0)  # pushing, with friction against it
     assert np.abs(bank.torque_nm - wanted).max() < 0.015 * sheet.stall_torque_nm
     assert bank.torque_nm[errors > 0.21] == pytest.approx(sheet.stall_torque_nm, rel=0.01)
-    assert bank.states[kernel.CURRENT, -1] == pytest.approx(sheet.stall_current_a, rel=0.01)
+    assert bank.states[fields.CURRENT, -1] == pytest.approx(sheet.stall_current_a, rel=0.01)
 
 
 def test_the_position_law_is_that_of_the_plant_seam() -> None:
@@ -125,7 +125,7 @@ def test_the_position_law_is_that_of_the_plant_seam() -> None:
         bank.command(i, command_column(law))
     bank.tick(at, np.zeros(200))
     wanted = [position_duty(law, float(q)) for law, q in zip(laws, at, strict=True)]
-    assert bank.states[kernel.DUTY] == pytest.approx(wanted, abs=1e-12)
+    assert bank.states[fields.DUTY] == pytest.approx(wanted, abs=1e-12)
 
 
 def test_the_velocity_limit_ramps_the_goal() -> None:
@@ -136,10 +136,10 @@ def test_the_velocity_limit_ramps_the_goal() -> None:
     bank.command(0, command_column(law))
     for _ in range(250):
         bank.tick(np.zeros(1), np.zeros(1))
-    assert bank.states[kernel.RAMP, 0] == pytest.approx(0.5)
+    assert bank.states[fields.RAMP, 0] == pytest.approx(0.5)
     for _ in range(300):
         bank.tick(np.zeros(1), np.zeros(1))
-    assert bank.states[kernel.RAMP, 0] == 1.0
+    assert bank.states[fields.RAMP, 0] == 1.0
 
 
 def test_the_ramp_starts_where_the_shaft_is_when_torque_comes_on() -> None:
@@ -151,7 +151,7 @@ def test_the_ramp_starts_where_the_shaft_is_when_torque_comes_on() -> None:
     )
     bank.command(0, command_column(law))
     bank.tick(at, np.zeros(1))
-    assert bank.states[kernel.RAMP, 0] == pytest.approx(0.8, abs=0.005)
+    assert bank.states[fields.RAMP, 0] == pytest.approx(0.8, abs=0.005)
 
 
 def test_the_integral_removes_the_droop_and_does_not_wind_up_beyond_full_duty() -> None:
@@ -167,10 +167,10 @@ def test_the_integral_removes_the_droop_and_does_not_wind_up_beyond_full_duty() 
     )
     bank.command(0, command_column(law))
     clamp(bank, np.zeros(1), 0.5)
-    assert bank.states[kernel.DUTY, 0] == pytest.approx(0.02 + 20.0 * 0.02 * 0.5, rel=0.01)
+    assert bank.states[fields.DUTY, 0] == pytest.approx(0.02 + 20.0 * 0.02 * 0.5, rel=0.01)
     clamp(bank, np.zeros(1), 5.0)
-    assert bank.states[kernel.INTEGRAL, 0] == 0.6
-    assert bank.states[kernel.DUTY, 0] == 0.6
+    assert bank.states[fields.INTEGRAL, 0] == 0.6
+    assert bank.states[fields.DUTY, 0] == 0.6
 
 
 def test_the_derivative_opposes_motion() -> None:
@@ -180,7 +180,7 @@ def test_the_derivative_opposes_motion() -> None:
     bank.command(0, command_column(law))
     for tick in range(3):
         bank.tick(np.array([0.002 * tick]), np.array([2.0]))
-    assert bank.states[kernel.DUTY, 0] == pytest.approx(-0.2)
+    assert bank.states[fields.DUTY, 0] == pytest.approx(-0.2)
 
 
 def test_velocity_mode_gives_a_share_of_full_output() -> None:
@@ -194,7 +194,7 @@ def test_velocity_mode_gives_a_share_of_full_output() -> None:
     )
     bank.command(0, command_column(half))
     _, velocity = spin(bank, 1.0)
-    assert bank.states[kernel.DUTY, 0] == pytest.approx(0.5)
+    assert bank.states[fields.DUTY, 0] == pytest.approx(0.5)
     assert velocity == pytest.approx(drive.no_load_velocity_rad_s(6.0), rel=0.02)
 
 
@@ -203,18 +203,18 @@ def test_torque_off_lets_no_current_flow_and_zero_duty_brakes() -> None:
     coast, brake = bank_of([drive]), bank_of([drive])
     brake.command(0, command_column(replace(FULL, goal_duty=0.0)))
     for bank in (coast, brake):
-        bank.states[kernel.ROTOR_VELOCITY] = 5.0
+        bank.states[fields.ROTOR_VELOCITY] = 5.0
     turned = []
     for bank in (coast, brake):
         position = np.zeros(1)
         for _ in range(5):
-            velocity = bank.states[kernel.ROTOR_VELOCITY].copy()
+            velocity = bank.states[fields.ROTOR_VELOCITY].copy()
             bank.tick(position, velocity)
             bank.step(position, velocity)
             position = position + 0.001 * velocity
-        turned.append(float(bank.states[kernel.ROTOR_VELOCITY, 0]))
-    assert coast.states[kernel.CURRENT, 0] == 0.0
-    assert brake.states[kernel.CURRENT, 0] < -0.1
+        turned.append(float(bank.states[fields.ROTOR_VELOCITY, 0]))
+    assert coast.states[fields.CURRENT, 0] == 0.0
+    assert brake.states[fields.CURRENT, 0] < -0.1
     assert turned[1] < turned[0] < 5.0
 
 
@@ -223,23 +223,23 @@ def test_friction_holds_a_load_below_its_level_without_creep() -> None:
     bank = bank_of([drive])
     twist = 0.9 * drive.friction.coulomb_nm / drive.gear_stiffness_nm_rad
     clamp(bank, np.array([twist]), 0.2)
-    before = float(bank.states[kernel.ROTOR_POSITION, 0])
+    before = float(bank.states[fields.ROTOR_POSITION, 0])
     clamp(bank, np.array([twist]), 5.0)
-    assert bank.states[kernel.ROTOR_POSITION, 0] == before
+    assert bank.states[fields.ROTOR_POSITION, 0] == before
     assert abs(before) < 0.2 * twist
 
 
 def test_friction_never_drives() -> None:
     friction = Friction(coulomb_nm=0.03, viscous_nm_s_rad=0.004, load_motor=0.2, load_external=0.2)
     bank = bank_of([replace(drive_of("marvin"), friction=friction)])
-    bank.states[kernel.ROTOR_VELOCITY] = 3.0
+    bank.states[fields.ROTOR_VELOCITY] = 3.0
     speeds = []
     position = np.zeros(1)
     for _ in range(300):
-        velocity = bank.states[kernel.ROTOR_VELOCITY].copy()
+        velocity = bank.states[fields.ROTOR_VELOCITY].copy()
         bank.step(position, velocity)
-        position = bank.states[kernel.ROTOR_POSITION].copy()
-        speeds.append(float(bank.states[kernel.ROTOR_VELOCITY, 0]))
+        position = bank.states[fields.ROTOR_POSITION].copy()
+        speeds.append(float(bank.states[fields.ROTOR_VELOCITY, 0]))
     assert all(b <= a + 1e-12 for a, b in itertools.pairwise(speeds))
     assert speeds[-1] == pytest.approx(0.0, abs=1e-9)
 
@@ -287,9 +287,9 @@ def test_supply_sags_by_the_sum_of_all_currents() -> None:
     for i in range(6):
         bank.command(i, command_column(FULL))
     clamp(bank, np.zeros(6), 0.2)
-    total = float(bank.states[kernel.CURRENT].sum())
+    total = float(bank.states[fields.CURRENT].sum())
     assert total > 4.0
-    assert bank.states[kernel.VOLTAGE, 0] == pytest.approx(7.4 - 0.3 * total, rel=1e-3)
+    assert bank.states[fields.VOLTAGE, 0] == pytest.approx(7.4 - 0.3 * total, rel=1e-3)
 
 
 def test_a_stalled_winding_warms_up_and_loses_torque() -> None:
@@ -299,7 +299,7 @@ def test_a_stalled_winding_warms_up_and_loses_torque() -> None:
     clamp(bank, np.zeros(1), 0.05)
     cold = float(bank.torque_nm[0])
     clamp(bank, np.zeros(1), 4.0)
-    heat, current = (float(bank.states[row, 0]) for row in (kernel.HEAT, kernel.CURRENT))
+    heat, current = (float(bank.states[row, 0]) for row in (fields.HEAT, fields.CURRENT))
     resistance = drive.resistance_ohm * (1.0 + drive.resistance_rise_per_k * heat)
     assert current == pytest.approx(7.4 / resistance, rel=1e-3)
     assert heat == pytest.approx(drive.heat_resistance_k_w * resistance * current**2, rel=0.05)
@@ -314,7 +314,7 @@ def test_the_controller_sees_whole_counts() -> None:
         bank.command(i, command_column(law))
     step = drive.sensor_step_rad
     bank.tick(np.array([0.4 * step, 0.6 * step]), np.zeros(2))
-    assert bank.states[kernel.DUTY] == pytest.approx([0.0, -step])
+    assert bank.states[fields.DUTY] == pytest.approx([0.0, -step])
 
 
 def test_servos_of_a_batch_do_not_touch_each_other() -> None:

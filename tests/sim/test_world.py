@@ -13,7 +13,7 @@ from sim_rigs import LAWS, changed, hold, stand
 
 from busemu.plant import DriveCommand
 from busemu.tables import Robot, load_robot
-from sim.drive import kernel
+from sim.drive import fields
 from sim.robot import SEGMENTS, read_physics
 from sim.tree import GRAVITY_M_S2
 from sim.world import BulletPlant, World
@@ -196,9 +196,9 @@ def energy_j(plant: BulletPlant) -> float:
     plant.world.read(position, velocity)
     direction = np.array([j.direction for j in plant.robot.joints])
     zero = np.array([j.zero_rad for j in plant.robot.joints])
-    twist = states[kernel.ROTOR_POSITION] - direction * (position - zero)
-    rotors = 0.5 * params[kernel.ROTOR_INERTIA] * states[kernel.ROTOR_VELOCITY] ** 2
-    gears = 0.5 * params[kernel.GEAR_STIFFNESS] * twist**2
+    twist = states[fields.ROTOR_POSITION] - direction * (position - zero)
+    rotors = 0.5 * params[fields.ROTOR_INERTIA] * states[fields.ROTOR_VELOCITY] ** 2
+    gears = 0.5 * params[fields.GEAR_STIFFNESS] * twist**2
     return links_energy_j(plant.world) + float(np.sum(rotors + gears))
 
 
@@ -212,7 +212,7 @@ def test_swinging_legs_with_torque_off_gain_no_energy(robot: Robot, make: Make) 
     for step in range(1, 2001):
         plant.advance(0.001 * step)
         kinetic = 0.5 * float(
-            plant.bank.params[kernel.ROTOR_INERTIA] @ plant.bank.states[kernel.ROTOR_VELOCITY] ** 2
+            plant.bank.params[fields.ROTOR_INERTIA] @ plant.bank.states[fields.ROTOR_VELOCITY] ** 2
         )
         moved = max(moved, kinetic)
         highest = max(highest, energy_j(plant) - start)
@@ -244,7 +244,7 @@ def test_random_goals_for_5_s_blow_nothing_up(robot: Robot, make: Make, held: bo
         for part in range(10):
             plant.advance(0.1 * period + 0.01 * (part + 1))
             states = plant.bank.states
-            assert np.abs(states[kernel.ROTOR_VELOCITY]).max() < 2.0 * fastest
+            assert np.abs(states[fields.ROTOR_VELOCITY]).max() < 2.0 * fastest
             seen = plant.observe()
             assert 0.0 < seen["mocap/base_z_m"] < 0.6
             for joint, angle in angles(plant, plant.robot.joints):
@@ -334,7 +334,7 @@ def test_stronger_rotors_do_not_change_the_stance(make: Make) -> None:
     robot = load_robot("marvin")
     plant = make(robot)
     heavy = plant.bank.params
-    heavy[kernel.ROTOR_INERTIA] *= 2.0
+    heavy[fields.ROTOR_INERTIA] *= 2.0
     stand(plant, robot, 4.0)
     other = make(replace(robot))
     stand(other, robot, 4.0)

@@ -23,7 +23,7 @@ from bench.diagnosis.commands import drive_commands, recording_baud_rate, supply
 from bench.diagnosis.observed import LEAST_SAMPLES, Channel, lonely, observe, unwrapped
 from bench.recording import Recording, RecordingError
 from busemu.tables import load_robot
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 
 COUNTS_A_TURN = 4096
 
@@ -51,8 +51,8 @@ def gain_of(raw):
 @pytest.mark.parametrize("raw", [100, 400, 900])
 def test_the_gain_register_of_the_metadata_is_the_position_laws_gain(raw):
     start, _ = told([write(0.5, "goal_position", 2048)], {"position_p_gain": raw})
-    assert start[kernel.GAIN_CW] == pytest.approx(gain_of(raw), rel=1e-3)
-    assert start[kernel.GAIN_CCW] == start[kernel.GAIN_CW]
+    assert start[fields.GAIN_CW] == pytest.approx(gain_of(raw), rel=1e-3)
+    assert start[fields.GAIN_CCW] == start[fields.GAIN_CW]
 
 
 @pytest.mark.parametrize(
@@ -68,14 +68,14 @@ def test_the_gain_register_of_the_metadata_is_the_position_laws_gain(raw):
 )
 def test_a_servo_that_was_given_goals_and_then_switched_off_was_on(rows, on):
     start, _ = told(rows)
-    assert bool(start[kernel.ENABLED]) == on
+    assert bool(start[fields.ENABLED]) == on
 
 
 def test_a_written_gain_comes_when_it_was_written():
     rows = [write(0.3, "position_p_gain", 800), write(0.4, "goal_position", 3000)]
     start, changes = told(rows)
-    assert start[kernel.GAIN_CW] == pytest.approx(gain_of(400), rel=1e-3)
-    gains = changes[changes[:, 1] == kernel.GAIN_CW]
+    assert start[fields.GAIN_CW] == pytest.approx(gain_of(400), rel=1e-3)
+    gains = changes[changes[:, 1] == fields.GAIN_CW]
     assert gains[:, 0] == pytest.approx([0.3])
     assert gains[:, 2] == pytest.approx(gain_of(800), rel=1e-3)
 
@@ -83,7 +83,7 @@ def test_a_written_gain_comes_when_it_was_written():
 def test_goals_are_in_rad_from_the_centre_of_the_range():
     rows = [write(0.2 * (k + 1), "goal_position", 2048 + 100 * k) for k in range(3)]
     _, changes = told(rows)
-    goals = changes[changes[:, 1] == kernel.GOAL_POSITION]
+    goals = changes[changes[:, 1] == fields.GOAL_POSITION]
     at = {round(t, 6): value for t, _, value in goals.tolist()}
     assert at[0.4] == pytest.approx(100 * 2.0 * math.pi / COUNTS_A_TURN)
     assert at[0.6] == pytest.approx(200 * 2.0 * math.pi / COUNTS_A_TURN)
@@ -96,21 +96,21 @@ def test_torque_off_and_on_are_events():
         write(0.5, "torque_enable", 1),
     ]
     start, changes = told(rows)
-    assert start[kernel.ENABLED] == 0.0
-    enabled = changes[changes[:, 1] == kernel.ENABLED]
+    assert start[fields.ENABLED] == 0.0
+    enabled = changes[changes[:, 1] == fields.ENABLED]
     assert enabled[:, 0] == pytest.approx([0.1, 0.3, 0.5])
     assert enabled[:, 2].tolist() == [1.0, 0.0, 1.0]
 
 
 def test_a_servo_of_which_nothing_is_told_was_switched_on_before():
     start, _ = told([write(0.5, "goal_position", 2048)])
-    assert start[kernel.ENABLED] == 1.0
+    assert start[fields.ENABLED] == 1.0
 
 
 def test_what_was_written_before_the_beginning_is_in_the_start():
     rows = [write(0.1, "goal_position", 2500), write(0.9, "goal_position", 2600)]
     start, changes = told(rows, origin_s=0.5)
-    assert start[kernel.GOAL_POSITION] == pytest.approx(452 * 2.0 * math.pi / COUNTS_A_TURN)
+    assert start[fields.GOAL_POSITION] == pytest.approx(452 * 2.0 * math.pi / COUNTS_A_TURN)
     assert changes[:, 0] == pytest.approx([0.4])
 
 
@@ -129,8 +129,8 @@ def test_registers_that_only_read_are_not_written():
 def test_a_recorded_voltage_is_the_supply():
     rows = supply_events(np.array([0.1, 0.2]), np.array([5.0, 4.8]))
     assert rows.tolist() == [
-        [0.1, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 5.0],
-        [0.2, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 4.8],
+        [0.1, lanes.SUPPLY_EVENT + fields.SUPPLY_VOLTAGE, 5.0],
+        [0.2, lanes.SUPPLY_EVENT + fields.SUPPLY_VOLTAGE, 4.8],
     ]
 
 
@@ -305,10 +305,10 @@ def test_a_duty_that_no_register_holds_is_the_command():
     duty = np.repeat([0.5, -0.25], 20)
     (one,) = observe([tracked(2048 + np.arange(40), duty)], robot(), JOINT)
     start, events = one.replay.start, one.replay.events
-    assert start[kernel.MODE] == kernel.MODE_PWM
-    assert start[kernel.ENABLED] == 1.0
-    assert start[kernel.GOAL_DUTY] == 0.5
-    changes = events[events[:, 1] == kernel.GOAL_DUTY]
+    assert start[fields.MODE] == fields.MODE_PWM
+    assert start[fields.ENABLED] == 1.0
+    assert start[fields.GOAL_DUTY] == 0.5
+    changes = events[events[:, 1] == fields.GOAL_DUTY]
     assert changes[:, 2].tolist() == [-0.25]
     assert changes[0, 0] == pytest.approx(0.021)  # the replay begins 1 ms before the first sample
 
@@ -316,14 +316,14 @@ def test_a_duty_that_no_register_holds_is_the_command():
 def test_a_duty_acts_whatever_the_torque_register_says():
     duty = np.full(40, 0.5)
     one = tracked(2048 + np.arange(40), duty, settings={"torque_enable": 0})
-    assert observe([one], robot(), JOINT)[0].replay.start[kernel.ENABLED] == 1.0
+    assert observe([one], robot(), JOINT)[0].replay.start[fields.ENABLED] == 1.0
 
 
 def test_a_duty_from_before_the_first_position_is_in_force_and_no_event():
     duty = np.repeat([0.5, 0.25, -0.25], [10, 30, 20])
     (one,) = observe([tracked(2048 + np.arange(60), duty, unseen=20)], robot(), JOINT)
-    assert one.replay.start[kernel.GOAL_DUTY] == 0.25
-    changes = one.replay.events[one.replay.events[:, 1] == kernel.GOAL_DUTY]
+    assert one.replay.start[fields.GOAL_DUTY] == 0.25
+    changes = one.replay.events[one.replay.events[:, 1] == fields.GOAL_DUTY]
     assert changes[:, [0, 2]].tolist() == [[pytest.approx(0.021), -0.25]]
 
 
@@ -332,8 +332,8 @@ def test_a_duty_of_no_servo_moves_no_joint_of_several():
     assert len(rig.servos) > 1
     one = tracked(2048 + np.arange(40), np.full(40, 0.5), servo=5, name=rig.name)
     start = observe([one], rig, "lever")[0].replay.start
-    assert start[kernel.MODE] == kernel.MODE_POSITION
-    assert start[kernel.GOAL_DUTY] == 0.0
+    assert start[fields.MODE] == fields.MODE_POSITION
+    assert start[fields.GOAL_DUTY] == 0.0
 
 
 @pytest.mark.parametrize(("counts", "goes_on"), [(4096, True), (1024, False), (4096.3, False)])

@@ -18,7 +18,7 @@ from bench.diagnosis.knobs import (
 )
 from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.nuisances import CENTRE_M, MASS, NUISANCES, WITHIN, nuisances
-from sim.drive import kernel
+from sim.drive import fields
 from sim.effects import catalogue, effect
 from sim.entries import Section
 from sim.model import read_model
@@ -241,7 +241,7 @@ def test_a_robot_file_may_say_how_sure_it_is():
     assert told["torque_constant"] == entries["stall_torque_nm"]["deviation"]
     assert told["back_emf"] == entries["no_load_velocity_rad_s"]["deviation"]
     assert told["gain"] == usual["gain"]
-    assert len(candidate().drive) == kernel.PARAMS
+    assert len(candidate().drive) == fields.PARAMS
 
 
 @pytest.mark.parametrize("less", [0.9, 1.0, 4.0])
@@ -252,7 +252,7 @@ def test_a_rotor_that_is_hardly_known_keeps_an_inertia_that_a_spring_can_move(le
     made = sprung.candidate(Hypothesis(), np.zeros(len(sprung.nuisances)), 0)
     (level,) = (n for n in sprung.nuisances if n.name == "rotor_level")
     lighter = level.change(replace(made, drive=made.drive.copy()), -less)
-    assert 0.0 < lighter.drive[kernel.ROTOR_INERTIA] < made.drive[kernel.ROTOR_INERTIA]
+    assert 0.0 < lighter.drive[fields.ROTOR_INERTIA] < made.drive[fields.ROTOR_INERTIA]
     (out,) = Batch([sprung.observed[0].replay], 1).run([lighter], [0])
     assert np.abs(out).max() < 1e3
 

@@ -30,7 +30,7 @@ from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.observed import observe
 from bench.diagnosis.search import NEEDED, confirm
 from bench.diagnosis.sways import FRICTION, SUPPLY
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 from sim.effects import effect
 from sim.model import read_model
 from sim.stepped import TICK_S
@@ -169,7 +169,7 @@ def test_a_duty_may_be_made_of_the_goal_before_where_that_is_in_force_just_then(
         for late_s in (0.003, delay_s)
     ]
     (usual,), (block,) = blocks
-    gain = max(one.replay.start[[kernel.GAIN_CW, kernel.GAIN_CCW]])
+    gain = max(one.replay.start[[fields.GAIN_CW, fields.GAIN_CCW]])
     more = np.sqrt(np.median(block.extra - usual.extra))
     assert more == pytest.approx(0.5 * 0.05 * gain if unsure else 0.0, rel=0.2, abs=1e-9)
 
@@ -484,8 +484,8 @@ def test_a_rollout_that_flies_apart_is_a_large_residual_and_no_less_of_a_number(
     """A rotor without inertia on a spring: what is left must be something that noise can be of."""
     model = model_of(logs(motions=["fast"], registers=(POSITION, DUTY, VOLTS)))
     flown = model.of(model.observed, sprung=True)
-    run = flown._batch.run
-    monkeypatch.setattr(flown._batch, "run", lambda *told: [out * np.nan for out in run(*told)])
+    run = flown._recorded.run
+    monkeypatch.setattr(flown._recorded, "run", lambda *told: [out * np.nan for out in run(*told)])
     (blocks,) = flown.residuals(Hypothesis(), [np.zeros(len(flown.nuisances))])
     assert {kind for _, kind in blocks} >= {Kind.POSITION, Kind.VOLTAGE}
     for (_, kind), block in blocks.items():

@@ -12,7 +12,7 @@ from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import observe
 from bench.diagnosis.remainder import Remainder
 from bench.diagnosis.rest import Rest, is_structured, rest_of
-from sim.drive import kernel
+from sim.drive import fields
 from sim.model import read_model
 
 
@@ -40,8 +40,8 @@ def test_the_band_is_friction_over_the_stiffness_of_position_law_and_gravity():
     (one,) = model.observed
     believed = model.candidate(Hypothesis(), np.zeros(len(model.nuisances)), 0)
     away = 0.02 / held_band_rad(model, 0)  # what holds it for a radian off its goal [N m]
-    stall = believed.drive[kernel.TORQUE_CONSTANT] * believed.voltage_v
-    law = one.replay.start[kernel.GAIN_CW] * stall / believed.drive[kernel.RESISTANCE]
+    stall = believed.drive[fields.TORQUE_CONSTANT] * believed.voltage_v
+    law = one.replay.start[fields.GAIN_CW] * stall / believed.drive[fields.RESISTANCE]
     assert law < away < law + believed.load.moment_nm
 
 
@@ -55,7 +55,7 @@ def test_engines_differ_by_a_share_of_the_band_and_never_by_less_than_sound_ones
 def test_what_no_position_law_holds_has_no_band():
     (one,) = slow()
     start = one.replay.start.copy()
-    start[kernel.MODE] = kernel.MODE_PWM
+    start[fields.MODE] = fields.MODE_PWM
     free = replace(one, replay=replace(one.replay, start=start))
     assert held_band_rad(rough_by(0.05, [free]), 0) == 0.0
 

@@ -9,7 +9,7 @@ from pendulum_logs import JOINT, logs, robot
 from bench.diagnosis.model import JointModel
 from bench.diagnosis.observed import Channel, observe
 from bench.diagnosis.rhythm import Register, denied, short_refresh
-from sim.drive import kernel
+from sim.drive import fields
 from sim.model import read_model
 from sim.stepped import TICK_S
 
@@ -121,7 +121,7 @@ def test_a_law_is_as_far_off_between_reads_as_motions_are_bent():
     model = JointModel(read_model(robot()), robot(), told)
     (one,) = told
     times = one.position.t_s
-    gain = max(one.replay.start[kernel.GAIN_CW], one.replay.start[kernel.GAIN_CCW])
+    gain = max(one.replay.start[fields.GAIN_CW], one.replay.start[fields.GAIN_CCW])
     for angles, wanted in ((2.0 * times, 0.0), (3.0 * times**2, gain * 6.0 * 0.01**2 / 8.0)):
         one.position.value[:] = angles
         assert model.between(0, times[5:-5]) == pytest.approx(wanted, rel=0.05, abs=1e-9)

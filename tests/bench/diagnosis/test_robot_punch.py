@@ -10,7 +10,7 @@ from bench.diagnosis.robot_model import RobotModel, undocumented_punch
 from bench.diagnosis.robot_nuisances import nuisances
 from bench.diagnosis.robot_search import RobotSearch
 from busemu.tables import load_robot
-from sim.drive import kernel
+from sim.drive import fields
 from sim.effects import effect
 
 KNOWN = {n.name.split()[0] for n in nuisances(believed(), 0.005)} - {PUNCH, "reading"}
@@ -40,7 +40,7 @@ def test_only_a_law_that_no_manual_writes_down_may_leave_its_punch_out(name, kno
 
 def test_servos_without_a_punch_leave_none_out():
     told = walked()
-    start, changes = told.start.copy(), told.events[told.events[:, 2] == kernel.PUNCH]
-    start[kernel.PUNCH] = 0.0
+    start, changes = told.start.copy(), told.events[told.events[:, 2] == fields.PUNCH]
+    start[fields.PUNCH] = 0.0
     assert len(changes) == 0
     assert not undocumented_punch(marvin(), [replace(told, start=start)])

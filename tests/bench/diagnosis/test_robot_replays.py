@@ -15,7 +15,7 @@ from bench.diagnosis.robot_nuisances import (
 )
 from bench.diagnosis.robot_replay import Jitter, _acts_s, course, loaded, play
 from bench.recording import Recording, RecordingError
-from sim.drive import kernel
+from sim.drive import fields
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +151,7 @@ def test_a_goal_that_comes_late_moves_a_robot_later(plain):
 
 
 def test_goals_are_late_until_their_joint_is_switched_on():
-    on, goal, limit = kernel.ENABLED, kernel.GOAL_POSITION, kernel.VELOCITY_LIMIT
+    on, goal, limit = fields.ENABLED, fields.GOAL_POSITION, fields.VELOCITY_LIMIT
     events = np.array(
         [
             [0.100, 0, goal, 0.1],  # before it is switched on, which tells it at once

@@ -11,7 +11,7 @@ import numpy as np
 
 from busemu.plant import DriveCommand, OperatingMode
 from busemu.tables import load_robot
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 from sim.drive.bank import command_column
 from sim.drive.parameters import DriveParameters, Friction
 from sim.robot import read_physics
@@ -107,7 +107,7 @@ def replay(
 def goals(t_s: Any, goal_rad: Any) -> list[tuple[float, int, float]]:
     """Writes of goals."""
     return [
-        (t, kernel.GOAL_POSITION, g)
+        (t, fields.GOAL_POSITION, g)
         for t, g in zip(np.asarray(t_s).tolist(), np.asarray(goal_rad).tolist(), strict=True)
     ]
 

@@ -30,7 +30,7 @@ from scipy.optimize import brentq
 
 from busemu.plant import DriveCommand, OperatingMode
 from busemu.servo.profile import by_velocity
-from sim.drive import kernel, lanes
+from sim.drive import lanes, rotor
 from sim.drive.parameters import DriveParameters, Friction
 from sim.effects import effect
 from sim.rollout import Candidate, Load
@@ -505,9 +505,9 @@ def test_backlash() -> None:
 def test_a_flank_pushes_and_is_never_pulled_at(
     twist_rad: float, rate_rad_s: float, expected_nm: float
 ) -> None:
-    none = dict.fromkeys(kernel.Train._fields, 0.0) | {"slow": False}
-    teeth = kernel.Train(**none)._replace(stiffness=100.0, damping=1.0, half_backlash=0.01)
-    torque_nm = kernel.gear_torque(teeth, twist_rad, rate_rad_s)
+    none = dict.fromkeys(rotor.Train._fields, 0.0) | {"slow": False}
+    teeth = rotor.Train(**none)._replace(stiffness=100.0, damping=1.0, half_backlash=0.01)
+    torque_nm = rotor.gear_torque(teeth, twist_rad, rate_rad_s)
     assert torque_nm == pytest.approx(expected_nm, abs=1e-12)
 
 

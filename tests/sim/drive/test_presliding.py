@@ -21,7 +21,7 @@ from one_joint_rigs import (
 )
 
 from sim import rollout
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes
 from sim.drive.bank import DriveBank, command_column
 from sim.drive.parameters import DriveParameters, Friction
 from sim.stepped import TICK_S
@@ -89,7 +89,7 @@ def test_it_never_makes_energy() -> None:
 
 
 def test_shorter_steps_change_little(monkeypatch: pytest.MonkeyPatch) -> None:
-    push = [(0.01 * k, kernel.GOAL_DUTY, 0.15 * math.sin(0.7 * k)) for k in range(1, 100)]
+    push = [(0.01 * k, fields.GOAL_DUTY, 0.15 * math.sin(0.7 * k)) for k in range(1, 100)]
     told = replay(pushing(0.0), events=push, duration_s=1.0)
     found = []
     for substeps in (5, 10, 80):
@@ -123,10 +123,10 @@ def test_a_physics_engines_servos_give_way_alike() -> None:
     motor = drive.torque_constant_nm_a * 12.0 * duty / drive.resistance_ohm
     assert motor < LEVEL_NM
     bent = motor / (stiffness + LEVEL_NM / BREAKAWAY_RAD)
-    assert bank.states[kernel.ROTOR_POSITION, 0] == pytest.approx(bent, rel=1e-3)
-    assert bank.states[kernel.BENT, 0] == pytest.approx(bent, rel=1e-3)
+    assert bank.states[fields.ROTOR_POSITION, 0] == pytest.approx(bent, rel=1e-3)
+    assert bank.states[fields.BENT, 0] == pytest.approx(bent, rel=1e-3)
     assert bank.torque_nm[0] == pytest.approx(stiffness * bent, rel=1e-3)
     bank.command(0, command_column(OFF))
     for _ in range(2000):
         bank.step(still, still)
-    assert abs(bank.states[kernel.ROTOR_POSITION, 0]) < 0.01 * bent
+    assert abs(bank.states[fields.ROTOR_POSITION, 0]) < 0.01 * bent

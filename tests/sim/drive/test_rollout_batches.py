@@ -26,7 +26,7 @@ from one_joint_rigs import (
 )
 
 from busemu.plant import DriveCommand, OperatingMode
-from sim.drive import kernel, lanes
+from sim.drive import fields, lanes, lockstep
 from sim.drive.bank import DriveBank, command_column
 from sim.drive.parameters import Friction
 from sim.rollout import GEAR_SUBSTEPS, Batch, Candidate, Load, Replay
@@ -112,13 +112,13 @@ KINDS = {
 def busy() -> list[Replay]:
     """Of several lengths, with all that can happen at a port."""
     told = [
-        (0.10, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 9.0),
-        (0.15, kernel.ENABLED, 0.0),
-        (0.20, kernel.ENABLED, 1.0),
-        (0.30, kernel.MODE, kernel.MODE_VELOCITY),
-        (0.30, kernel.GOAL_VELOCITY, 2.0),
-        (0.40, kernel.MODE, kernel.MODE_PWM),
-        (0.40, kernel.GOAL_DUTY, -0.4),
+        (0.10, lanes.SUPPLY_EVENT + fields.SUPPLY_VOLTAGE, 9.0),
+        (0.15, fields.ENABLED, 0.0),
+        (0.20, fields.ENABLED, 1.0),
+        (0.30, fields.MODE, fields.MODE_VELOCITY),
+        (0.30, fields.GOAL_VELOCITY, 2.0),
+        (0.40, fields.MODE, fields.MODE_PWM),
+        (0.40, fields.GOAL_DUTY, -0.4),
     ]
     firmware = regulating(0.4, integral_gain_per_rad_s=3.0, derivative_gain_s_per_rad=0.01)
     return [*replays(), replay(firmware, told, duration_s=0.5), replay(regulating(), samples=[0.0])]
@@ -139,7 +139,7 @@ def many(drives: list[Any], count: int) -> list[Candidate]:
     ]
 
 
-@pytest.mark.parametrize("count", [lanes.LANES + 5, lanes.FEW])
+@pytest.mark.parametrize("count", [lockstep.LANES + 5, lockstep.FEW])
 @pytest.mark.parametrize("name", KINDS)
 def test_lanes_give_what_their_jobs_give_alone(name: str, count: int) -> None:
     """Of one kind and of all, in groups that are full, not full, and of few."""
@@ -297,7 +297,7 @@ def test_a_delay_is_goals_that_come_later() -> None:
 def test_goals_alone_are_late_and_a_drive_that_is_switched_on_knows_its_goal(on: bool) -> None:
     delay, at = 0.05, 0.1
     start = replace(regulating(0.0 if on else 0.5), torque_enable=not on)
-    events = np.array([[at, kernel.ENABLED, float(on)], [at, kernel.GOAL_POSITION, 0.3]])
+    events = np.array([[at, fields.ENABLED, float(on)], [at, fields.GOAL_POSITION, 0.3]])
     told = replay(start, events, duration_s=0.3)
     plain, late = (run(candidate(replace(DRIVE, delay_s=x)), told) for x in (0.0, delay))
     assert (plain == late).all()
@@ -367,8 +367,8 @@ def test_the_phase_of_a_load_register_moves_its_instants() -> None:
 
 def test_supply_events_set_the_supply_from_their_instant_on() -> None:
     events = [
-        (0.25, lanes.SUPPLY_EVENT + kernel.SUPPLY_VOLTAGE, 9.0),
-        (0.50, lanes.SUPPLY_EVENT + kernel.SUPPLY_RESISTANCE, 0.5),
+        (0.25, lanes.SUPPLY_EVENT + fields.SUPPLY_VOLTAGE, 9.0),
+        (0.50, lanes.SUPPLY_EVENT + fields.SUPPLY_RESISTANCE, 0.5),
     ]
     told = replay(pushing(0.5), events=events, duration_s=0.8)
     volts = run(candidate(load=level(10.0)), told)[:, lanes.OUT_VOLTAGE]
@@ -389,16 +389,16 @@ def test_supply_events_are_late_with_the_commands_and_no_concern_of_a_controller
 
 
 def test_of_commands_at_one_instant_the_last_one_holds() -> None:
-    both = replay(pushing(0.0), [(0.1, kernel.GOAL_DUTY, 0.9), (0.1, kernel.GOAL_DUTY, 0.2)])
-    alone = replay(pushing(0.0), [(0.1, kernel.GOAL_DUTY, 0.2)])
+    both = replay(pushing(0.0), [(0.1, fields.GOAL_DUTY, 0.9), (0.1, fields.GOAL_DUTY, 0.2)])
+    alone = replay(pushing(0.0), [(0.1, fields.GOAL_DUTY, 0.2)])
     assert (run(candidate(), both) == run(candidate(), alone)).all()
 
 
 def test_commands_of_different_fields_at_one_instant_all_hold() -> None:
     events = [
-        (0.1, kernel.ENABLED, 1.0),
-        (0.1, kernel.GOAL_POSITION, 0.5),
-        (0.1, kernel.GAIN_CCW, 2.0),
+        (0.1, fields.ENABLED, 1.0),
+        (0.1, fields.GOAL_POSITION, 0.5),
+        (0.1, fields.GAIN_CCW, 2.0),
     ]
     off = DriveCommand(operating_mode=OperatingMode.POSITION)
     out = run(candidate(load=level(10.0)), replay(off, events, duration_s=0.3))
@@ -407,7 +407,7 @@ def test_commands_of_different_fields_at_one_instant_all_hold() -> None:
 
 
 def test_torque_off_lets_the_joint_fall_and_on_catches_it() -> None:
-    events = [(0.2, kernel.ENABLED, 0.0), (0.4, kernel.ENABLED, 1.0)]
+    events = [(0.2, fields.ENABLED, 0.0), (0.4, fields.ENABLED, 1.0)]
     out = run(candidate(load=pendulum(0.2, 1.0)), replay(regulating(), events, duration_s=2.0))
     current = out[:, lanes.OUT_CURRENT]
     assert (current[202:400] == 0.0).all()
@@ -440,4 +440,4 @@ def test_a_start_offset_moves_the_first_angle() -> None:
 def test_a_gain_acts_on_the_first_tick() -> None:
     out = run(candidate(), replay(regulating(0.1), duration_s=0.01))
     assert out[0, lanes.OUT_DUTY] == pytest.approx(0.1 * GAIN_PER_RAD)
-    assert command_column(regulating(0.1))[kernel.GAIN_CW] == GAIN_PER_RAD
+    assert command_column(regulating(0.1))[fields.GAIN_CW] == GAIN_PER_RAD

@@ -21,7 +21,7 @@ from one_joint_rigs import (
     run,
 )
 
-from sim.drive import kernel
+from sim.drive import fields
 from sim.drive.parameters import Friction
 from sim.rollout import Candidate
 
@@ -61,7 +61,7 @@ def test_a_joint_that_rests_stays(angle_rad: float, play_rad: float) -> None:
 def test_a_cable_pulls_at_the_gear_of_a_joint_that_rests_too() -> None:
     pull_nm, stiffness = 0.2, 0.1
     drive = on_a_gear(0.0).drive.copy()
-    drive[kernel.CABLE_STIFFNESS], drive[kernel.CABLE_REST] = stiffness, pull_nm / stiffness
+    drive[fields.CABLE_STIFFNESS], drive[fields.CABLE_REST] = stiffness, pull_nm / stiffness
     one = replace(on_a_gear(0.0), drive=drive)
     stall_nm = GRAVITY_NM * math.sin(1.0) / holding_duty(1.0)
     told = replay(pushing(-pull_nm / stall_nm), position_rad=0.0, duration_s=0.3)

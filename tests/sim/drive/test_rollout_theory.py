@@ -31,7 +31,7 @@ from one_joint_rigs import (
 from scipy.special import ellipk
 
 from sim import rollout
-from sim.drive import lanes
+from sim.drive import lanes, lockstep
 from sim.drive.parameters import DriveParameters, Friction
 from sim.rollout import Load
 from sim.stepped import TICK_S
@@ -237,7 +237,7 @@ def load_friction() -> Iterator[Any]:
         one = candidate(drive, pendulum(0.09, centre_rad=1.0))
         groups, jobs = batch._jobs([one], [0])
         groups[:, lanes.OF_LOADS + lanes.SHAFT_FRICTION] = bearing_nm
-        at = np.empty((lanes.PLACES, lanes.LANES), np.int64)
+        at = np.empty((lanes.PLACES, lockstep.LANES), np.int64)
         out = np.full((1, 301, lanes.CHANNELS), np.nan)
         rollout.ROLLOUTS[rollout.SOFT](groups, jobs, TICK_S, 20, 0, 1, at, out)
         return position(out[0])
