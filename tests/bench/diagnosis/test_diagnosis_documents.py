@@ -173,7 +173,9 @@ def test_the_better_model_leaves_what_the_fit_left(found, tmp_path):
     _, again = loaded(found, tmp_path / "model.toml")
     left = residual(only.model, only.after.hypothesis, only.after.z)
     none = np.zeros(len(again.nuisances))
-    assert residual(again, Hypothesis(), none) == pytest.approx(left, rel=0.01)
+    assert residual(again, Hypothesis(), none) <= 1.01 * left
+    believed = residual(only.model, Hypothesis(), none)
+    assert left < 0.5 * believed
 
 
 def test_the_better_model_says_where_its_numbers_come_from(found, tmp_path):
@@ -311,14 +313,22 @@ def test_what_foretells_best_has_the_spring_that_the_emulator_has(half, monkeypa
 def test_what_foretells_best_comes_of_several_beginnings(half, monkeypatch):
     """A fit that ends in a hollow is not the end of it."""
     model, after = half
-    strayed = replace(after, z=after.z + np.append(2.0 * np.ones(len(model.nuisances)), 0.0))
     told = SimpleNamespace(causes=(), verdict="unexplained")
-    found = SimpleNamespace(model=model, after=strayed, diagnosis=told)
-    several = residual(with_spring(model), after.hypothesis, carried(found, {}))
+
+    def left():
+        """Of fits that have strayed; which of them end in a hollow depends on the processor."""
+        found = []
+        for aside in (2.0, -2.0, 3.0):
+            z = after.z + np.append(aside * np.ones(len(model.nuisances)), 0.0)
+            one = SimpleNamespace(model=model, after=replace(after, z=z), diagnosis=told)
+            found.append(residual(with_spring(model), after.hypothesis, carried(one, {})))
+        return np.array(found)
+
+    several = left()
     monkeypatch.setattr("bench.diagnosis.improved.BEGINNINGS", 0)
-    assert several <= residual(with_spring(model), after.hypothesis, carried(found, {}))
+    assert (several <= left()).all()
     monkeypatch.setattr("bench.diagnosis.improved._left", lambda *_: 0.0)  # the first, whatever
-    assert several < residual(with_spring(model), after.hypothesis, carried(found, {}))
+    assert (several < left()).any()
 
 
 @pytest.mark.parametrize("state", ["dead", "pinned"])
