@@ -14,6 +14,7 @@ from busemu.tables import Robot
 from sim.model import Addition, read_model
 
 from .journal import Journal
+from .noise import Block, Noise
 from .rest import is_worse
 from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
 from .robot_causes import cause_of, close_rivals
@@ -285,12 +286,13 @@ class Work:
         for kind, floor in self.model.floors().items():
             if kind not in MEANS:
                 continue
-            values = []
+            values: list[float] = []
+            own: list[Block] = []
             for one in (found.base, after):
                 self.held.square(one, self.which)
                 blocks = self.model.residuals(one.names, one.z, self.which)
-                own = [b.value for (_, k), b in blocks.items() if k is kind]
-                values.append(float(np.sqrt(np.mean(np.concatenate(own) ** 2))))
+                own = [block for (_, k), block in blocks.items() if k is kind]
+                values.append(float(np.sqrt(np.mean(np.concatenate([b.value for b in own]) ** 2))))
             noise = after.noise.get(kind)
             what = {
                 RobotKind.JOINTS: "all joints",
@@ -304,7 +306,7 @@ class Work:
                     "rms_before": values[0],
                     "rms_after": values[1],
                     "rounding": floor,
-                    "noise": noise.total if noise else None,
+                    "noise": noise_of(own, noise) if noise else None,
                 }
             )
         return tuple(rows)
@@ -337,6 +339,12 @@ class Work:
                 and np.isfinite(size := self.model.placed[s.name].knob.value(s.floor_z))
             },
         }
+
+
+def noise_of(blocks: Sequence[Block], noise: Noise) -> float:
+    """Of rows of some blocks: what fits call noise, and what rows scatter by themselves."""
+    scatter = np.mean(np.concatenate([block.extra for block in blocks]))
+    return float(np.hypot(noise.total, np.sqrt(scatter)))
 
 
 def _unexplained(rest: Rest) -> Mapping[str, Any]:

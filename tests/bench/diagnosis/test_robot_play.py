@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.robot_diagnosis import Work
+from bench.diagnosis.noise import Block, Noise
+from bench.diagnosis.report.telling import channel_finding
+from bench.diagnosis.robot_diagnosis import Work, noise_of
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_rattling import Play
 
@@ -37,3 +39,19 @@ def test_a_search_begins_with_play_where_means_over_the_phase_are_no_worse_for_i
 def test_play_is_beside_what_was_found_once():
     assert PLAY.beside(BASE).settings == LOOSE.settings
     assert PLAY.beside(LOOSE) is LOOSE
+
+
+@pytest.mark.parametrize(("scatter_rad", "quiet"), [(0.1e-3, True), (3e-3, False)])
+def test_of_rows_that_scatter_by_themselves_nobody_says_that_rounding_alone_is_left(
+    scatter_rad, quiet
+):
+    rows = Block(np.arange(9.0), np.zeros(9), np.full(9, scatter_rad**2))
+    channel = {
+        "channel": "position",
+        "rms_before": 3.9e-3,
+        "rms_after": 3.5e-3,
+        "rounding": 1.06e-3,
+        "noise": noise_of([rows, rows], Noise(0.87e-3, 0.0, 1.0)),
+    }
+    told = channel_finding(channel, SimpleNamespace(unexplained=(), causes=()))
+    assert ("nothing is left but rounding" in told) is quiet
