@@ -15,7 +15,6 @@ from sim.model import Addition, read_model
 
 from .journal import Journal
 from .noise import Block, Noise
-from .rest import is_worse
 from .result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
 from .robot_causes import cause_of, close_rivals
 from .robot_features import MEANS, RobotKind
@@ -27,7 +26,7 @@ from .robot_limits import limits, other_volts, stand_in
 from .robot_model import RATTLING, RobotModel
 from .robot_next import next_experiments
 from .robot_places import mismatch, moved
-from .robot_rattling import Play, Rattling, told
+from .robot_rattling import Play, Rattling, told, worsened
 from .robot_replay import course
 from .robot_rest import Rest, rest_of
 from .robot_search import Progress, RobotSearch
@@ -141,23 +140,23 @@ class Work:
             better = judge(model, self.robot, after.nuisances, extra, self.judges)
         shown = [model.features[r] for r in self.judges]
         rmse = [steady_rmse_rad(shown, judged) for judged in (believed, better)]
-        floor = floor_rad(model, self.judges)
+        fit = FitSummary(
+            before=rmse[0],
+            after=rmse[1],
+            noise_floor=floor_rad(model, self.judges),
+            held_out=self.held_out,
+            recordings=tuple(model.observed[r].name for r in self.judges),
+        )
         ends = () if causes else self.held.strained(after)
         volts = self.held.volts_denied(after)
-        left = bool(ends or volts) or rest.structured or is_worse(rmse[0], rmse[1], floor)
+        left = bool(ends or volts) or rest.structured or worsened(causes, fit)
         verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
             verdict=verdict,
             mismatch=self._mismatch(found, whole) if verdict != "consistent" else (),
             causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
-            fit=FitSummary(
-                before=rmse[0],
-                after=rmse[1],
-                noise_floor=floor,
-                held_out=self.held_out,
-                recordings=tuple(model.observed[r].name for r in self.judges),
-            ),
+            fit=fit,
             unexplained=(_unexplained(rest),) if rest.structured or ends else (),
             next_experiment=tuple(nexts),
             limits=(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from .robot_screen import Screened
 #: fits of one hypothesis end so many nats apart by where they begin; source: measured of opened
 #: cases, 10 to 26, docs/proof/robots-fifth-run.md
 APART_NATS = 20.0
+NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
 HOPELESS = 150.0  #: loss [nats] with which a spring is not tried again beside what is taken
 
 
@@ -64,11 +65,6 @@ class RobotFindings:
     def names(self) -> tuple[str, ...]:
         """Effects taken, sorted."""
         return tuple(sorted(gain.name for gain in self.taken))
-
-
-def hopeless(tried: Iterable[RobotGain]) -> set[str]:
-    """What did so much worse than nothing that it is not tried again beside what is taken."""
-    return {gain.name for gain in tried if gain.nats < -HOPELESS}
 
 
 def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:

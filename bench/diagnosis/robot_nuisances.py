@@ -168,9 +168,33 @@ def _of_effect(name: str, parameter: str, where: tuple[str, ...], *, over: float
     return changed
 
 
+def legs_aside_m(robot: PhysicalRobot) -> dict[str, float]:
+    """By how much legs are heavier on one side than on the other, by the name of a nuisance [m].
+
+    Each link weighs up to 5 % more or less than believed, each its own. What counts is where the
+    weight of all is, as if the trunk's centre were aside: this is its deviation, of legs that are
+    stretched out (with bent knees 0.1 of it less).
+    """
+    if robot.trunk is None:
+        return {}
+    square = dict.fromkeys(CENTRES, 0.0)
+    masses = {body.name: body.mass for body in robot.bodies}
+    for leg in robot.legs:
+        out_m = 0.0
+        for segment in SEGMENTS:
+            mass = masses[f"{leg.name}.{segment}"]
+            at_m = out_m + mass.centre_m[0]
+            moment = MASS_OFF * mass.mass_kg / robot.trunk.mass.mass_kg
+            square["centre x"] += (moment * (leg.x_m + at_m * math.cos(leg.yaw_rad))) ** 2
+            square["centre y"] += (moment * (leg.y_m + at_m * math.sin(leg.yaw_rad))) ** 2
+            out_m += leg.lengths_m[segment]
+    return {name: math.sqrt(value) for name, value in square.items()}
+
+
 def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, ...]:
     """All nuisances of a legged robot, in the order of a vector."""
     found = []
+    aside = legs_aside_m(robot)
     for joint in robot.joints:
         found.append(
             RobotNuisance(
@@ -205,6 +229,8 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
     for trial in trials(robot):
         if trial.name.split()[0] not in ("zero", "torque", "friction"):
             unit, deviation, source = COMMON[trial.name.split()[0]]
+            if trial.name in aside:
+                deviation = math.hypot(deviation, aside[trial.name])
             same = SAME.get(trial.name, ())
             one = RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same)
             if trial.name == TIPS:
@@ -255,10 +281,13 @@ def with_nuisances(
     return robot
 
 
+MASS_OFF = 0.05 / ROOT3  #: deviation of a mass over what it is believed to be; masses +-5 %
+CENTRES = ("centre x", "centre y")  #: nuisances that stand for what legs weigh on each side, too
+
 #: of the whole robot: unit, deviation, source
 COMMON = {
-    "mass": ("(ratio)", 0.05 / ROOT3, "masses +-5 %"),
-    "centre": ("m", 0.003 / ROOT3, "centre of mass +-3 mm"),
+    "mass": ("(ratio)", MASS_OFF, "masses +-5 %"),
+    "centre": ("m", 0.003 / ROOT3, "centre of mass +-3 mm, and legs of unlike masses"),
     "tilt": ("rad", math.radians(1.0) / ROOT3, "tilt up to 1 deg"),
     "supply": ("(ratio)", 0.02, "battery from charge to charge; assumed"),
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),

@@ -10,22 +10,24 @@ of those, means over the phase say more.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .noise import huber, whiten
-from .result import Cause
+from .rest import is_worse
+from .result import Cause, FitSummary
 from .robot_causes import cause_of
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
-from .robot_gains import RobotGain
+from .robot_gains import NEEDED, RobotGain
 from .robot_model import RATTLING, RobotModel
 from .robot_screen import Screened
-from .robot_search import BESIDE, HELD_OUT, NEEDED, Progress, RobotSearch
+from .robot_search import BESIDE, HELD_OUT, Progress, RobotSearch
 from .robot_settling import LITTLE
 from .robot_shaking import by_kind
+from .robot_sought import Sought
 
 #: fits of one hypothesis to shaking end so many nats apart: no tolerances lead them astray, and
 #: other starts of its replays make 0.8 nats, measured of play of 5 degrees in two joints of a leg
@@ -55,10 +57,8 @@ class Play:
 class ShakingSearch(RobotSearch):
     """A search on shaking alone: springs have no two valleys there, and samples are chance."""
 
-    def _with_springs(
-        self, now: RobotFit, promised: Sequence[RobotGain], springs: frozenset[str]
-    ) -> list[RobotGain]:
-        return list(promised)
+    def _sought(self, names: Iterable[str]) -> Sought:
+        return Sought(self.sight, {})
 
     def _step(self, some: Sequence[Screened], now: RobotFit, step: int) -> list[RobotGain]:
         return [replace(gain, apart=SHAKEN_APART_NATS) for gain in super()._step(some, now, step)]
@@ -145,6 +145,15 @@ class Rattling:
 
     def _rattles(self, name: str) -> bool:
         return self.model.placed[name].effect.name in RATTLING
+
+
+def worsened(causes: Iterable[Cause], fit: FitSummary) -> bool:
+    """Whether samples that are farther off with what is named speak against it.
+
+    With play alone they do not: no replay rattles when the recording does.
+    """
+    others = any(cause.effect not in RATTLING for cause in causes)
+    return others and is_worse(fit.before, fit.after, fit.noise_floor)
 
 
 def told(

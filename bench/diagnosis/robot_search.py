@@ -2,8 +2,10 @@
 
 The likelihood, the fits and what a gain must be divided by are those of one joint. An effect is
 taken when it gains enough on what it is fitted to and, where there are several groups of
-recordings, on those left out. Then exactly that robot is replayed, and the search goes on from
-there; in the end effects are dropped again without which the rest does as well.
+recordings, on those left out. Where tolerances had paid for it, it gains that they need not, and
+nothing on those: it must gain more then, and lose no more there than fits of one hypothesis end
+apart by. Then exactly that robot is replayed, and the search goes on from there; in the end effects
+are dropped again without which the rest does as well.
 
 Every hypothesis begins as believed but for its effects: where tolerances have paid for what is the
 matter, no small step leads back from. And what it is held against is fitted again from where the
@@ -23,29 +25,27 @@ from .robot_effects import leg_of
 from .robot_exact import ExactFits
 from .robot_features import MEANS, RobotKind
 from .robot_fit import ENOUGH, RobotFit
-from .robot_gains import RobotFindings, RobotGain, hopeless, levelled
+from .robot_gains import NEEDED, RobotFindings, RobotGain, levelled
 from .robot_improved import knob_of, of_settings
 from .robot_judging import judge, rmse_rad
 from .robot_model import RobotModel
 from .robot_screen import Screen, Screened, stretched, worth_fitting
+from .robot_sought import Sought
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
-BESIDE = 15.0  #: the same of an effect beside others: what those leave unexplained it may take up
-HELD_OUT = 1.5  #: gain [nats, deflated] it must have on groups of recordings left out
+#: the same of an effect beside others, as it may take up what those leave unexplained, and of one
+#: that gains nothing on groups of recordings left out
+BESIDE = 15.0
+HELD_OUT = 1.5  #: gain [nats, deflated] on groups of recordings left out, of one that gains less
 MOST = 3  #: effects that are taken
 AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance at its end
 BEST = 2  #: of them that are fitted to the end
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
-#: looked for from a large try whatever is promised: a little of a spring and much are two valleys
-SPRINGS = frozenset(
-    f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
-)
 
 
 class RobotSearch(ExactFits):
@@ -84,18 +84,16 @@ class RobotSearch(ExactFits):
         ranking = first.rank(wanted)
         screened = tuple(ranking)
         now, taken, tried = base, [], []
-        springs = SPRINGS.intersection(wanted)
+        sought = self._sought(wanted)
         try:
             for step in range(most):
                 named = stretched(model.nuisances, now.nuisances)
                 gains = self._step(worth_fitting(ranking, named), now, step)
-                gains = self._with_springs(now, gains, springs)
-                chosen, now, fitted = self._chosen(
-                    now, gains, named | springs | self._levels(gains)
-                )
+                gains = sought.beside(now, gains)
+                chosen, now, fitted = self._chosen(now, gains, named | sought.asked(gains))
                 base = base if now.names else now
                 tried.append(fitted)
-                springs -= hopeless(fitted)
+                sought = sought.after(fitted)
                 if chosen is None:
                     break
                 now = chosen.fit
@@ -115,6 +113,9 @@ class RobotSearch(ExactFits):
         return RobotFindings(
             base, now, tuple(taken), tuple(tried), alike, screened, self._rms(base), self._rms(now)
         )
+
+    def _sought(self, names: Iterable[str]) -> Sought:
+        return Sought.springs(self.sight, names)
 
     def believed(self) -> RobotFit:
         """What the operator believes, with all that is never exactly so."""
@@ -230,21 +231,6 @@ class RobotSearch(ExactFits):
                     found[name] = knob
         return found
 
-    def _with_springs(
-        self, now: RobotFit, promised: Sequence[RobotGain], springs: frozenset[str]
-    ) -> list[RobotGain]:
-        """What is promised, and much of each of some springs of which nothing is."""
-        found = list(promised)
-        for name in sorted(springs.difference(now.names, (gain.name for gain in promised))):
-            *_, large = self.model.curves.tries(name)
-            fit = replace(now, names=(*now.names, name), z=np.append(now.z, large))
-            found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
-        return levelled(found)
-
-    def _levels(self, promised: Sequence[RobotGain]) -> set[str]:
-        """What acts beyond a level only and promises anything: how much depends on all else."""
-        return {g.name for g in promised if self.model.placed[g.name].levels and g.nats >= NEEDED}
-
     def _best(self, gains: Sequence[RobotGain], now: RobotFit, begun: float) -> RobotGain | None:
         """The best that holds, of those first that make no whole recording much worse.
 
@@ -358,8 +344,12 @@ class RobotSearch(ExactFits):
 
     @staticmethod
     def _holds(gain: RobotGain, now: RobotFit) -> bool:
-        outside = gain.held_out is None or gain.held_out / gain.inflation > HELD_OUT
-        return gain.deflated >= (BESIDE if now.names else NEEDED) and outside
+        if gain.deflated < (BESIDE if now.names else NEEDED):
+            return False
+        outside = gain.held_out
+        if outside is None or outside / gain.inflation > HELD_OUT:
+            return True
+        return outside > -gain.apart and gain.deflated >= BESIDE
 
     def _alike(
         self, screen: Screen, chosen: RobotGain, gains: Sequence[RobotGain], names: Sequence[str]

@@ -8,10 +8,10 @@ from bench.diagnosis.robot_curves import FARTHER, GRID, LARGER, LEAST_RAD
 from bench.diagnosis.robot_effects import LEVELS
 from bench.diagnosis.robot_features import MEANS, RobotKind
 from bench.diagnosis.robot_fit import Sight
+from bench.diagnosis.robot_gains import NEEDED
 from bench.diagnosis.robot_model import RATTLES, RobotModel
 from bench.diagnosis.robot_pool import Job
 from bench.diagnosis.robot_screen import Screen
-from bench.diagnosis.robot_search import NEEDED
 from bench.diagnosis.robot_shaking import ENGINES_SHAKING
 
 #: recordings of one model: nulls, and one effect each

@@ -5,11 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bench.diagnosis.floor import tolerance
 from bench.diagnosis.noise import Block, Noise
 from bench.diagnosis.report.telling import channel_finding
+from bench.diagnosis.result import FitSummary
 from bench.diagnosis.robot_diagnosis import Work, noise_of
 from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_rattling import Play
+from bench.diagnosis.robot_rattling import Play, worsened
 
 BASE = RobotFit((), np.zeros(1), {}, 10.0)
 LOOSE = RobotFit(("backlash@all",), np.array([0.0, 5.0]), {}, 10.0)
@@ -55,3 +57,20 @@ def test_of_rows_that_scatter_by_themselves_nobody_says_that_rounding_alone_is_l
     }
     told = channel_finding(channel, SimpleNamespace(unexplained=(), causes=()))
     assert ("nothing is left but rounding" in told) is quiet
+
+
+@pytest.mark.parametrize(
+    ("effects", "more", "speaks"),
+    [
+        (["backlash"], 1.2, False),
+        (["backlash", "gain_error"], 1.2, True),
+        (["gain_error"], 1.2, True),
+        (["gain_error"], 0.9, False),
+        ([], 1.2, False),
+    ],
+)
+def test_samples_that_are_farther_off_do_not_speak_against_play_alone(effects, more, speaks):
+    floor = 1e-3
+    before = 3.0 * tolerance(floor)
+    causes = [SimpleNamespace(effect=effect) for effect in effects]
+    assert worsened(causes, FitSummary(before, more * before, floor, True, ("walk",))) is speaks

@@ -11,7 +11,7 @@ from bench.diagnosis.nuisances import SHARE
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_exact import LAST, PART, REFINED, WORTH, ExactFits
 from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import HOPELESS, RobotGain, hopeless
+from bench.diagnosis.robot_gains import APART_NATS, NEEDED, RobotGain
 from bench.diagnosis.robot_nuisances import COMMON, SAME, RobotNuisance, nuisances
 from bench.diagnosis.robot_screen import (
     A_KIND,
@@ -25,9 +25,8 @@ from bench.diagnosis.robot_screen import (
 from bench.diagnosis.robot_search import (
     BESIDE,
     BEST,
-    NEEDED,
+    HELD_OUT,
     PROMISED,
-    SPRINGS,
     WORSE,
     RobotSearch,
 )
@@ -248,7 +247,7 @@ def test_what_groups_left_out_do_worse_with_is_not_exchanged():
     step = tuple(replace(gain, held_out=5.0) for gain in gains(30.0, 20.0))
     later = gains(20.0, 5.0, 50.0)[2]
     both = RobotFit(("effect0@all", "effect2@all"), np.zeros(2), {}, -50.0)
-    for worse, first in ((0.0, "effect1@all"), (9.0, "effect0@all")):
+    for worse, first in ((0.0, "effect1@all"), (5.1 + step[1].apart, "effect0@all")):
         search = Exact({})
         search.promised = {("effect1@all", "effect2@all"): 60.0}
         search._left_out = lambda fit, worse=worse: worse if "effect1@all" in fit.names else 0.0
@@ -361,36 +360,6 @@ def test_what_was_found_far_away_is_not_looked_for_there_again():
     assert search._from_far(far) is far
 
 
-def sprung(now, promised, springs=SPRINGS):
-    search = Exact({}, [8.0])
-    search.sight = SimpleNamespace(inflation=lambda fit, name: 1.0)
-    return search, search._with_springs(now, promised, springs)
-
-
-def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
-    now, little, (first, *rest) = fit("tips@all", 0.0), gains(30.0), sorted(SPRINGS)
-    promised = [*little, RobotGain(first, fit(first, 1.0), 1.0, 1.0, None)]
-    search, found = sprung(now, promised)
-    assert {gain.name for gain in found} == {little[0].name, *SPRINGS}
-    begun = []
-    search.begun = lambda names, knobs, *_: begun.append((names[-1], knobs[-1])) or now
-    search._tried(now, found, SPRINGS)
-    assert set(begun) == {(little[0].name, 0.0), (first, 0.0), *((name, 8.0) for name in rest)}
-
-
-def test_a_spring_that_did_much_worse_than_nothing_is_not_tried_again():
-    some = [
-        replace(gain, nats=nats) for gain, nats in zip(gains(1.0, 2.0), (-1.1, -0.9), strict=True)
-    ]
-    some = [replace(gain, nats=gain.nats * HOPELESS) for gain in some]
-    assert hopeless(some) == {some[0].name}
-
-
-def test_a_spring_that_is_named_is_not_tried_again():
-    (name, *_) = SPRINGS
-    assert sprung(fit(name, 0.0), [], frozenset({name}))[1] == []
-
-
 class Beginning(RobotSearch):
     """A search that tells where its fits begin."""
 
@@ -463,12 +432,35 @@ def test_what_is_nowhere_better_than_it_was_stays():
     assert search.at == [1.0]
 
 
+@pytest.mark.parametrize(
+    ("gained", "outside", "holds"),
+    [
+        (1.1 * NEEDED, 1.1 * HELD_OUT, True),
+        (1.1 * NEEDED, 0.9 * HELD_OUT, False),
+        (0.9 * BESIDE, 0.9 * HELD_OUT, False),
+        (1.1 * BESIDE, -0.9 * APART_NATS, True),
+        (1.1 * BESIDE, -1.1 * APART_NATS, False),
+    ],
+)
+def test_what_gains_nothing_on_groups_left_out_must_gain_more_and_lose_little(
+    gained, outside, holds
+):
+    search = Exact({})
+    search._left_out = lambda fit: -outside if fit.names else 0.0
+    assert (holding(search, gains(gained)) is not None) is holds
+
+
 def test_an_effect_beside_others_must_gain_more():
     for nats, taken in ((0.5 * (NEEDED + BESIDE), False), (1.1 * BESIDE, True)):
         some = [replace(one, fit=fit(one.name, nats)) for one in gains(nats)]
         assert holding(Exact({}), gains(nats)) is not None
         beside = holding(Exact({}), some, now=fit("other@all", 0.0))
         assert (beside is not None) is taken
+
+
+NOTHING = SimpleNamespace(
+    beside=lambda now, gains: gains, asked=lambda gains: set(), after=lambda fitted: NOTHING
+)
 
 
 class Stepping(RobotSearch):
@@ -481,7 +473,8 @@ class Stepping(RobotSearch):
         self._say = lambda _: None
         self.around = lambda found: None
         self.screen = lambda now: SimpleNamespace(rank=list)
-        self._with_springs = lambda now, gains, springs: gains
+        self.sight = None
+        self._sought = lambda names: NOTHING
         self._exchanged = lambda now, taken, tried: (now, taken, tried)
         self._alike = lambda *_: ()
         self._prune = self._standing_as_taken
@@ -520,14 +513,31 @@ def test_of_a_fit_that_is_done_nothing_more_is_asked(enough):
     assert search.steps == list(range(min(enough, 3)))
 
 
-def test_limits_that_promise_anything_are_tried_among_however_many_that_promise_more():
-    search = Stepping()
-    some = gains(*np.linspace(9.0, 2.0, 2 * PROMISED) * NEEDED, 1.1 * NEEDED, 0.9 * NEEDED)
-    of_limits = {gain.name for gain in some[-2:]}
-    for name in of_limits:
-        search.model.placed[name] = SimpleNamespace(levels=(1.5,))
-    asked = []
-    search._step = lambda *_: some
-    search._chosen = lambda now, promised, named: asked.append(set(named)) or (None, now, ())
-    search.run([], most=1, base=fit_of(()))
-    assert asked == [{some[-2].name}]
+class Kept:
+    """What is sought, by how many steps have been told to it."""
+
+    def __init__(self, told=0):
+        self.told = told
+
+    def beside(self, now, promised):
+        return [*promised, f"sought {self.told}"]
+
+    def asked(self, promised):
+        return {*promised, f"asked {self.told}"}
+
+    def after(self, fitted):
+        return Kept(self.told + len(fitted))
+
+
+def test_what_is_sought_is_tried_at_every_step_as_the_steps_before_have_it():
+    search, seen = Stepping(), []
+    chosen = search._chosen
+    search._sought = lambda names: Kept()
+
+    def seeing(now, promised, named):
+        seen.append((promised, named))
+        return chosen(now, promised, named)
+
+    search._chosen = seeing
+    search.run([], most=2, base=fit_of(()))
+    assert seen == [([f"sought {k}"], {f"sought {k}", f"asked {k}"}) for k in (0, 1)]

@@ -12,11 +12,12 @@ from walking_robots import believed, marvin, walked, walked_by
 from bench.diagnosis import robot_rattling
 from bench.diagnosis.robot_features import Features
 from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import RobotGain
+from bench.diagnosis.robot_gains import NEEDED, RobotGain
 from bench.diagnosis.robot_rattling import SHAKEN_APART_NATS, Rattling, ShakingSearch, told
 from bench.diagnosis.robot_replay import play
-from bench.diagnosis.robot_search import BESIDE, HELD_OUT, NEEDED, SPRINGS, RobotSearch
+from bench.diagnosis.robot_search import BESIDE, HELD_OUT, RobotSearch
 from bench.diagnosis.robot_shaking import ENGINES_SHAKING, by_kind
+from bench.diagnosis.robot_sought import SPRINGS
 from sim.effects import effect
 
 PLAY_RAD = math.radians(3.0)
@@ -186,10 +187,11 @@ def test_where_joints_shake_for_no_reason_the_report_says_so():
 
 def test_a_search_on_shaking_is_a_search_but_for_springs_and_whole_recordings():
     own = {name for name in vars(ShakingSearch) if not name.startswith("__")}
-    assert own == {"_with_springs", "_step", "_from_far", "_whole_square"}
+    assert own == {"_sought", "_step", "_from_far", "_whole_square"}
     assert all(callable(getattr(RobotSearch, name)) for name in own)
     search = object.__new__(ShakingSearch)
-    assert search._with_springs(None, ["promised"], SPRINGS) == ["promised"]
+    search.sight = None
+    assert search._sought(SPRINGS).at == {}
 
 
 def test_fits_to_shaking_end_closer_to_each_other_than_fits_to_means(monkeypatch):

@@ -1,0 +1,64 @@
+"""What a search on legs tries at every step, however little curves promise of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .robot_fit import RobotFit, Sight
+from .robot_gains import HOPELESS, NEEDED, RobotGain, levelled
+
+#: looked for from a large try whatever is promised: a little of a spring and much are two valleys
+SPRINGS = frozenset(
+    f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sought:
+    """Effects at places that are tried, from such a knob if nothing is promised of them (``at``).
+
+    These are springs, much of them, and limits that had gained in place of what was taken: they may
+    do so beside it, too. Curves of limits are those of a robot as stiff as believed, which asks its
+    motors for more than one of little gain does, and say nothing about that.
+    """
+
+    sight: Sight
+    at: Mapping[str, float]
+
+    @classmethod
+    def springs(cls, sight: Sight, names: Iterable[str]) -> Sought:
+        """Those among some names, each from its largest first try."""
+        tries = sight.model.curves.tries
+        return cls(sight, {name: tries(name)[-1] for name in sorted(SPRINGS.intersection(names))})
+
+    def beside(self, now: RobotFit, promised: Sequence[RobotGain]) -> list[RobotGain]:
+        """What is promised, and what is sought of which nothing is; best first."""
+        found = [g for g in promised if g.name not in self.at or not self._unpromised(g)]
+        for name in sorted(self.at.keys() - {*now.names, *(gain.name for gain in found)}):
+            fit = replace(now, names=(*now.names, name), z=np.append(now.z, self.at[name]))
+            found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
+        return levelled(found)
+
+    def asked(self, promised: Sequence[RobotGain]) -> set[str]:
+        """What is tried however much others promise: all that is sought, and limits of promise."""
+        limits = {g.name for g in promised if self._limit(g.name) and not self._unpromised(g)}
+        return limits | self.at.keys()
+
+    def after(self, fitted: Sequence[RobotGain]) -> Sought:
+        """What is sought after a step that has fitted so much to the end."""
+        hopeless = {gain.name for gain in fitted if gain.nats < -HOPELESS}
+        found = {name: z for name, z in self.at.items() if name not in hopeless}
+        for gain in fitted:
+            if self._limit(gain.name) and gain.deflated >= NEEDED:
+                found[gain.name] = float(gain.fit.knobs[-1])
+        return replace(self, at=found)
+
+    def _limit(self, name: str) -> bool:
+        return bool(self.sight.model.placed[name].levels)
+
+    def _unpromised(self, gain: RobotGain) -> bool:
+        """Whether that is a limit which promises next to nothing."""
+        return self._limit(gain.name) and gain.nats < NEEDED

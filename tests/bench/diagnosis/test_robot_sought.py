@@ -1,0 +1,87 @@
+"""What is tried at every step, however little is promised of it: springs, and limits."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bench.diagnosis.robot_effects import LEVELS, placed_effects
+from bench.diagnosis.robot_fit import RobotFit
+from bench.diagnosis.robot_gains import HOPELESS, NEEDED, RobotGain
+from bench.diagnosis.robot_sought import SPRINGS, Sought
+from busemu.tables import load_robot
+from sim.model import read_model
+
+MUCH = 8.0
+INFLATION = 2.0
+LIMIT, OTHER = "torque_limit@all", "torque_limit@femur"
+PLACED = placed_effects(read_model(load_robot("marvin")))
+
+
+def sight():
+    model = SimpleNamespace(placed=PLACED, curves=SimpleNamespace(tries=lambda _: [1.0, MUCH]))
+    return SimpleNamespace(model=model, inflation=lambda *_: INFLATION)
+
+
+def fit(*names, z=1.0):
+    return RobotFit(names, np.full(len(names), z), {}, 0.0)
+
+
+def gain(name, nats, z=1.0):
+    return RobotGain(name, fit(name, z=z), nats, INFLATION, None)
+
+
+def begun(found):
+    return {one.name: float(one.fit.knobs[-1]) for one in found}
+
+
+def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
+    first, *rest = sorted(SPRINGS)
+    sought = Sought.springs(sight(), [*SPRINGS, "payload@all"])
+    found = sought.beside(fit("tips@all"), [gain("payload@all", 30.0), gain(first, 1.0)])
+    assert begun(found) == {"payload@all": 1.0, first: 1.0, **dict.fromkeys(rest, MUCH)}
+    assert {one.fit.names for one in found if one.name in rest} == {("tips@all", n) for n in rest}
+    assert sought.asked(found) == SPRINGS
+
+
+def test_springs_that_are_not_looked_at_are_not_sought():
+    assert Sought.springs(sight(), ["payload@all"]).at == {}
+
+
+def test_a_spring_that_did_much_worse_than_nothing_is_not_tried_again():
+    first, second, *_ = sorted(SPRINGS)
+    after = Sought.springs(sight(), SPRINGS).after(
+        [gain(first, -1.1 * HOPELESS), gain(second, -0.9 * HOPELESS)]
+    )
+    assert after.at.keys() == SPRINGS - {first}
+
+
+def test_a_spring_that_is_named_is_not_tried_again():
+    first, *rest = sorted(SPRINGS)
+    found = Sought.springs(sight(), SPRINGS).beside(fit(first), [])
+    assert begun(found).keys() == set(rest)
+
+
+def test_limits_that_promise_anything_are_tried_among_however_many_that_promise_more():
+    assert PLACED[LIMIT].levels == LEVELS["duty"]
+    most = gain("payload@all", 9.0 * NEEDED)
+    promised = [most, gain(LIMIT, 1.1 * NEEDED), gain(OTHER, 0.9 * NEEDED)]
+    assert Sought(sight(), {}).asked(promised) == {LIMIT}
+
+
+@pytest.mark.parametrize(("nats", "z"), [(0.9 * NEEDED, 1.5), (1.1 * NEEDED, 1.3)])
+def test_a_limit_that_had_gained_is_tried_beside_what_was_taken_from_where_it_was(nats, z):
+    fitted = [gain("gain_error@all", 300.0), gain(LIMIT, 1.1 * NEEDED * INFLATION, z=1.5)]
+    sought = Sought(sight(), {}).after([*fitted, gain(OTHER, 0.9 * NEEDED * INFLATION)])
+    assert sought.at == {LIMIT: 1.5}
+    now = fit("gain_error@all")
+    for promised in ([], [replace(gain(LIMIT, nats), fit=fit(*now.names, LIMIT, z=1.3))]):
+        found = sought.beside(now, promised)
+        assert begun(found) == {LIMIT: z if promised else 1.5}
+        assert sought.asked(found) == {LIMIT}
+    assert sought.beside(fit("gain_error@all", LIMIT), []) == []
+
+
+def test_what_is_no_limit_is_not_sought_because_it_had_gained():
+    assert Sought(sight(), {}).after([gain("payload@all", 300.0)]).at == {}
