@@ -20,7 +20,7 @@ from .robot_model import RobotModel
 Floats = NDArray[np.float64]
 
 WIDENED = 3  #: times at most that a curve is made longer for a fit
-PART = 0.3  #: of the way that a fit would go, where the whole of it leads to worse
+SHARES = (1.0, 0.6, 0.3, 0.1)  #: of the way that a fit would go, of which the best is gone
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 REFINED = 3  #: times at most that what nuisances do is taken anew where a fit has led
 #: nuisances, most of all trials, of which a fit that begins does not ask again what they do
@@ -76,19 +76,33 @@ class ExactFits:
     def settle(self, found: RobotFit, begun: RobotFit | None = None) -> RobotFit:
         """A fit whose replays are exact where it is: traces and curves only lead there.
 
-        Where they lead to worse than there was (``begun`` at first), it goes a part of that way.
+        It goes as much of that way as does best, from ``begun`` if that is given.
         """
         best = begun
         for _ in range(SETTLED):
-            exact = self.replayed(found)
+            exact = self.replayed(found) if best is None else self._on_the_way(best, found)
             if best is not None and exact.cost > best.cost - ENOUGH:
-                exact = self.replayed(replace(found, z=best.z + PART * (found.z - best.z)))
-                if exact.cost > best.cost - ENOUGH:
-                    break
+                break
             best = exact
+            self.model.recentre(best.settings, best.nuisances, self.which)
             found = self.fitted(exact.names, exact.z, exact.noise)
         assert best is not None
         self.model.recentre(best.settings, best.nuisances, self.which)
+        return best
+
+    def _on_the_way(self, here: RobotFit, found: RobotFit) -> RobotFit:
+        """The best of some shares of the way that a fit would go, by exact replays.
+
+        Where contacts are, traces lead too far more often than not. Shorter shares are tried until
+        one does worse than what already is better than ``here``.
+        """
+        best: RobotFit | None = None
+        for share in SHARES:
+            there = self.replayed(replace(found, z=here.z + share * (found.z - here.z)))
+            if best is not None and there.cost > best.cost and best.cost < here.cost:
+                break
+            best = there if best is None or there.cost < best.cost else best
+        assert best is not None
         return best
 
     def refined(self, settled: RobotFit) -> RobotFit:

@@ -9,7 +9,7 @@ import pytest
 
 from bench.diagnosis.nuisances import SHARE
 from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_exact import LAST, PART, REFINED, WORTH, ExactFits
+from bench.diagnosis.robot_exact import LAST, REFINED, SHARES, WORTH, ExactFits
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import APART_NATS, NEEDED, RobotGain
 from bench.diagnosis.robot_nuisances import COMMON, SAME, RobotNuisance, nuisances
@@ -400,33 +400,53 @@ def test_a_hypothesis_begins_as_believed_or_where_it_is_told(nuisances, there):
 
 
 class Leading(ExactFits):
-    """A search whose curves always lead to 6, while exact replays cost least at 1."""
+    """A search whose curves always lead to 6, while exact replays cost least elsewhere."""
 
-    def __init__(self):
+    def __init__(self, least):
         self.model = SimpleNamespace(recentre=self._recentre)
-        self.which, self.at = [0], []
+        self.which, self.at, self.asked, self.least = [0], [], [], least
 
     def _recentre(self, settings, z, which):
         self.at = [z for _, z in settings]
 
     def replayed(self, found):
-        return replace(found, cost=float(10.0 * (found.z[0] - 1.0) ** 2))
+        self.asked.append(found.z[0])
+        self.model.recentre(found.settings, found.nuisances, self.which)
+        return replace(found, cost=self.cost(found.z[0]))
+
+    def cost(self, z):
+        return float(10.0 * (z - self.least) ** 2)
 
     def fitted(self, names, start, noise):
+        assert self.at == start.tolist()  # residuals are those of the best
         return RobotFit(names, np.array([6.0]), noise, 0.0)
 
 
-def test_where_curves_lead_to_worse_a_part_of_the_way_is_gone():
-    search = Leading()
+@pytest.mark.parametrize(("least", "share"), [(6.2, 1.0), (3.5, 0.6), (1.7, 0.3), (0.6, 0.1)])
+def test_as_much_of_the_way_that_curves_lead_is_gone_as_does_best(least, share):
+    search = Leading(least)
     begun = search.replayed(RobotFit(("a",), np.array([0.0]), {}, 0.0))
+    search.asked.clear()
     found = search.settle(search.fitted(("a",), begun.z, {}), begun)
-    assert found.z.tolist() == [PART * 6.0]
-    assert found.cost < begun.cost
-    assert search.at == [PART * 6.0]
+    (first, *_) = (z for z in search.asked if z == pytest.approx(6.0 * share))
+    assert found.cost <= search.cost(first) < begun.cost
+    asked = [6.0 * each for each in SHARES[: SHARES.index(share) + 2]]  # and none beyond
+    assert search.asked[: len(asked)] == pytest.approx(asked)
+    beyond = [6.0 * each for each in SHARES[SHARES.index(share) + 2 :]]
+    assert search.asked[len(asked)] not in beyond
+    assert search.at == found.z.tolist()
+
+
+def test_shares_of_the_way_are_tried_until_one_is_better_than_where_it_began():
+    search = Leading(0.0)
+    begun = search.replayed(RobotFit(("a",), np.array([0.0]), {}, 0.0))
+    costs = dict(zip([6.0 * share for share in SHARES], (5.0, 7.0, 6.0, -1.0), strict=True))
+    search.cost = lambda z: costs.get(z, 0.0)
+    assert search.settle(search.fitted(("a",), begun.z, {}), begun).z == [6.0 * SHARES[-1]]
 
 
 def test_what_is_nowhere_better_than_it_was_stays():
-    search = Leading()
+    search = Leading(1.0)
     begun = search.replayed(RobotFit(("a",), np.array([1.0]), {}, 0.0))
     assert search.settle(search.fitted(("a",), begun.z, {}), begun) is begun
     assert search.at == [1.0]
