@@ -141,16 +141,10 @@ class RobotJudges:
             say("asking recordings that were not used to fit")
             floor, before = self.floor_square, self.square(found.base, self.judges)
             least = max(RELIEF * floor, LITTLE * (before - floor))
-            with_all, samples = self.square(now, self.judges), self.samples(now)
             fits = {gain.name: self.without(found.base, now, gain.name) for gain in taken}
-            relief = {
-                name: self.square(fit, self.judges) - with_all
-                if self.samples(fit).steady > samples.steady
-                else -np.inf
-                for name, fit in fits.items()
-            }
-            worst = min(taken, key=lambda gain: relief[gain.name])
-            if relief[worst.name] > least and samples.whole <= WORSE * begun:
+            spare = {name: self._spare(fit, now, least) for name, fit in fits.items()}
+            worst = min(taken, key=lambda gain: spare[gain.name])
+            if spare[worst.name] > 0.0 and self.samples(now).whole <= WORSE * begun:
                 break
             if worst.name not in resized:
                 resized.add(worst.name)
@@ -169,6 +163,20 @@ class RobotJudges:
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
         return taken, now, rejected
+
+    def _spare(self, without: RobotFit, now: RobotFit, least: float) -> float:
+        """How much more than it must a name takes off the square that judges see [rad^2].
+
+        It must take off ``least``, and make samples no worse. Where without it tolerances stand in
+        for something, and with it none do, those had foretold recordings that judge as well: it
+        may be worse there by that much, and samples by a tenth.
+        """
+        frees = bool(self.strained(without)) and not self.strained(now)
+        allowed = self.samples(without).steady * (1.0 + LITTLE if frees else 1.0)
+        if self.samples(now).steady >= allowed:
+            return -np.inf
+        off = self.square(without, self.judges) - self.square(now, self.judges)
+        return off + least if frees else off - least
 
     def resized(self, now: RobotFit, name: str) -> RobotFit:
         """A fit with the size of one effect that recordings which judge like best, or itself.

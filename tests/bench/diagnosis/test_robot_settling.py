@@ -162,6 +162,10 @@ class Given(RobotJudges):
     seen: ClassVar = {}
     whole: ClassVar = {}
     floor_square = 1.0
+    stand_in: ClassVar = frozenset()
+
+    def strained(self, found):
+        return ("gain",) if found.names in self.stand_in else ()
 
     def resized(self, now, name):
         return now
@@ -177,13 +181,13 @@ class Given(RobotJudges):
         return SimpleNamespace(names=left)
 
 
-def kept(phases, seen=None, whole=None):
+def kept(phases, seen=None, whole=None, stand_in=()):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
     own = Given(search, None, FITS, JUDGES, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
-    Given.whole = whole or Given.seen
+    Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
     gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
@@ -212,6 +216,19 @@ def test_where_little_is_to_be_explained_a_name_must_take_away_some_of_the_floor
 
 def test_a_name_that_makes_samples_worse_goes_however_much_phases_gain():
     assert kept({(): 5.0, ("a",): 1.5}, {(): 5.0, ("a",): 5.1}) == ()
+
+
+def test_a_name_that_tolerances_had_stood_in_for_need_not_be_better_where_they_foretell_as_much():
+    before = 5.0
+    least = LITTLE * (before - 1.0)
+    slightly, more = {("a",): before + 0.9 * least}, {("a",): before + 1.1 * least}
+    assert kept({(): before} | slightly, stand_in=[()]) == ("a",)
+    assert kept({(): before} | slightly) == ()
+    assert kept({(): before} | more, {(): 9.0, ("a",): 9.0}, stand_in=[()]) == ()
+    assert kept({(): before} | slightly, stand_in=[(), ("a",)]) == ()
+    for samples, names in ((1.0 + 0.9 * LITTLE, ("a",)), (1.0 + 1.1 * LITTLE, ())):
+        worse = {(): 1.0, ("a",): samples}
+        assert kept({(): before} | slightly, worse, stand_in=[()]) == names
 
 
 def test_names_that_make_whole_recordings_much_worse_go_until_they_do_not():
@@ -251,6 +268,9 @@ class Steep(Given):
 
     def samples(self, found):
         return Squares(self.square(found, JUDGES), 1.0)
+
+    def strained(self, found):
+        return ()
 
     def resized(self, now, name):
         return RobotJudges.resized(self, now, name)
