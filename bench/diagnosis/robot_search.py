@@ -115,7 +115,7 @@ class RobotSearch(ExactFits):
         )
 
     def _sought(self, names: Iterable[str]) -> Sought:
-        return Sought.springs(self.sight, names)
+        return Sought.much(self.sight, names)
 
     def believed(self) -> RobotFit:
         """What the operator believes, with all that is never exactly so."""

@@ -15,24 +15,30 @@ SPRINGS = frozenset(
     f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
 )
 
+#: limits that are looked for likewise, and the knob they begin at: a duty of 0.4; assumed
+LIMITS = frozenset({"torque_limit@all", "torque_limit@femur"})
+LIMITED = 1.5
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sought:
     """Effects at places that are tried, from such a knob if nothing is promised of them (``at``).
 
-    These are springs, much of them, and limits that had gained in place of what was taken: they may
-    do so beside it, too. Curves of limits are those of a robot as stiff as believed, which asks its
-    motors for more than one of little gain does, and say nothing about that.
+    These are springs and limits, much of them, and limits from where they had come to in place of
+    what was taken: they may be beside it, too. Curves of limits say little, as they are those of a
+    robot as believed in all else: of one of 0.4 duty in another engine they promised nothing, and a
+    fit that began there gained 700 nats.
     """
 
     sight: Sight
     at: Mapping[str, float]
 
     @classmethod
-    def springs(cls, sight: Sight, names: Iterable[str]) -> Sought:
-        """Those among some names, each from its largest first try."""
+    def much(cls, sight: Sight, names: Iterable[str]) -> Sought:
+        """Springs and limits among some names: much of each."""
         tries = sight.model.curves.tries
-        return cls(sight, {name: tries(name)[-1] for name in sorted(SPRINGS.intersection(names))})
+        springs = {name: tries(name)[-1] for name in sorted(SPRINGS.intersection(names))}
+        return cls(sight, springs | dict.fromkeys(sorted(LIMITS.intersection(names)), LIMITED))
 
     def beside(self, now: RobotFit, promised: Sequence[RobotGain]) -> list[RobotGain]:
         """What is promised, and what is sought of which nothing is; best first."""

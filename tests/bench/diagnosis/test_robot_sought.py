@@ -9,7 +9,7 @@ import pytest
 from bench.diagnosis.robot_effects import LEVELS, placed_effects
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import HOPELESS, NEEDED, RobotGain
-from bench.diagnosis.robot_sought import SPRINGS, Sought
+from bench.diagnosis.robot_sought import LIMITED, LIMITS, SPRINGS, Sought
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -38,7 +38,7 @@ def begun(found):
 
 def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
     first, *rest = sorted(SPRINGS)
-    sought = Sought.springs(sight(), [*SPRINGS, "payload@all"])
+    sought = Sought.much(sight(), [*SPRINGS, "payload@all"])
     found = sought.beside(fit("tips@all"), [gain("payload@all", 30.0), gain(first, 1.0)])
     assert begun(found) == {"payload@all": 1.0, first: 1.0, **dict.fromkeys(rest, MUCH)}
     assert {one.fit.names for one in found if one.name in rest} == {("tips@all", n) for n in rest}
@@ -46,12 +46,12 @@ def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
 
 
 def test_springs_that_are_not_looked_at_are_not_sought():
-    assert Sought.springs(sight(), ["payload@all"]).at == {}
+    assert Sought.much(sight(), ["payload@all"]).at == {}
 
 
 def test_a_spring_that_did_much_worse_than_nothing_is_not_tried_again():
     first, second, *_ = sorted(SPRINGS)
-    after = Sought.springs(sight(), SPRINGS).after(
+    after = Sought.much(sight(), SPRINGS).after(
         [gain(first, -1.1 * HOPELESS), gain(second, -0.9 * HOPELESS)]
     )
     assert after.at.keys() == SPRINGS - {first}
@@ -59,7 +59,7 @@ def test_a_spring_that_did_much_worse_than_nothing_is_not_tried_again():
 
 def test_a_spring_that_is_named_is_not_tried_again():
     first, *rest = sorted(SPRINGS)
-    found = Sought.springs(sight(), SPRINGS).beside(fit(first), [])
+    found = Sought.much(sight(), SPRINGS).beside(fit(first), [])
     assert begun(found).keys() == set(rest)
 
 
@@ -81,6 +81,15 @@ def test_a_limit_that_had_gained_is_tried_beside_what_was_taken_from_where_it_wa
         assert begun(found) == {LIMIT: z if promised else 1.5}
         assert sought.asked(found) == {LIMIT}
     assert sought.beside(fit("gain_error@all", LIMIT), []) == []
+
+
+def test_limits_begin_where_a_robot_feels_them_though_nothing_is_promised_of_them():
+    sought = Sought.much(sight(), [*LIMITS, "torque_limit@leg1"])
+    assert begun(sought.beside(fit("gain_error@all"), [])) == dict.fromkeys(LIMITS, LIMITED)
+    for name in LIMITS:
+        assert PLACED[name].knob.value(LIMITED) == pytest.approx(0.4)
+    late = [gain(LIMIT, 0.9 * NEEDED), gain(OTHER, 1.1 * NEEDED)]
+    assert begun(sought.beside(fit("gain_error@all"), late)) == {LIMIT: LIMITED, OTHER: 1.0}
 
 
 def test_what_is_no_limit_is_not_sought_because_it_had_gained():
