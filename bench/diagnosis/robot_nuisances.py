@@ -173,7 +173,7 @@ def legs_aside_m(robot: PhysicalRobot) -> dict[str, float]:
 
     Each link weighs up to 5 % more or less than believed, each its own. What counts is where the
     weight of all is, as if the trunk's centre were aside: this is its deviation, of legs that are
-    stretched out (with bent knees 0.1 of it less).
+    stretched out (with knees bent as in a walk, a twentieth less).
     """
     if robot.trunk is None:
         return {}

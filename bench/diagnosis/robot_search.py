@@ -36,8 +36,8 @@ from .watch import OutOfTimeError
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]
 
-#: the same of an effect beside others, as it may take up what those leave unexplained, and of one
-#: that gains nothing on groups of recordings left out
+#: gain [nats, deflated] of an effect beside others, as it may take up what those leave unexplained,
+#: and of one that gains nothing on groups of recordings left out
 BESIDE = 15.0
 HELD_OUT = 1.5  #: gain [nats, deflated] on groups of recordings left out, of one that gains less
 MOST = 3  #: effects that are taken

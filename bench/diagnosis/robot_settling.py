@@ -26,6 +26,9 @@ FITTED, JUDGED = 0.6, 1.8
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 ENDS = 1  #: so many of 15 tolerances may be at their ends; ten nulls of another engine had 0 or 1
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
+#: share by which the mean square of samples may be more with a name that tolerances had stood in
+#: for; assumed
+SPOILT = 0.1
 SIZES = (-1.0, -0.5, 0.5, 1.0)  #: of what two engines differ by, that a name is asked for at
 NO_BETTER = "recordings that were not used to fit are no better with it"
 
@@ -142,9 +145,10 @@ class RobotJudges:
             floor, before = self.floor_square, self.square(found.base, self.judges)
             least = max(RELIEF * floor, LITTLE * (before - floor))
             fits = {gain.name: self.without(found.base, now, gain.name) for gain in taken}
-            spare = {name: self._spare(fit, now, least) for name, fit in fits.items()}
+            seen = self.samples(now)
+            spare = {name: self._spare(fit, now, seen, least) for name, fit in fits.items()}
             worst = min(taken, key=lambda gain: spare[gain.name])
-            if spare[worst.name] > 0.0 and self.samples(now).whole <= WORSE * begun:
+            if spare[worst.name] > 0.0 and seen.whole <= WORSE * begun:
                 break
             if worst.name not in resized:
                 resized.add(worst.name)
@@ -164,16 +168,16 @@ class RobotJudges:
             taken = [gain for gain in taken if gain is not worst]
         return taken, now, rejected
 
-    def _spare(self, without: RobotFit, now: RobotFit, least: float) -> float:
+    def _spare(self, without: RobotFit, now: RobotFit, seen: Squares, least: float) -> float:
         """How much more than it must a name takes off the square that judges see [rad^2].
 
-        It must take off ``least``, and make samples no worse. Where without it tolerances stand in
-        for something, and with it none do, those had foretold recordings that judge as well: it
-        may be worse there by that much, and samples by a tenth.
+        It must take off ``least``, and make samples (``seen`` with it) no worse. Where without it
+        tolerances stand in for something, and with it none do, those had foretold recordings that
+        judge as well: it may be worse there by that much, and samples a little.
         """
         frees = bool(self.strained(without)) and not self.strained(now)
-        allowed = self.samples(without).steady * (1.0 + LITTLE if frees else 1.0)
-        if self.samples(now).steady >= allowed:
+        allowed = self.samples(without).steady * (1.0 + SPOILT if frees else 1.0)
+        if seen.steady >= allowed:
             return -np.inf
         off = self.square(without, self.judges) - self.square(now, self.judges)
         return off + least if frees else off - least

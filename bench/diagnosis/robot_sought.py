@@ -15,9 +15,8 @@ SPRINGS = frozenset(
     f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
 )
 
-#: limits that are looked for likewise, and the knob they begin at: a duty of 0.4; assumed
+#: limits that are looked for likewise, from the middle one of their levels: femurs carry the robot
 LIMITS = frozenset({"torque_limit@all", "torque_limit@femur"})
-LIMITED = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,10 +34,11 @@ class Sought:
 
     @classmethod
     def much(cls, sight: Sight, names: Iterable[str]) -> Sought:
-        """Springs and limits among some names: much of each."""
+        """Springs and limits among some names, from where a robot feels them."""
         tries = sight.model.curves.tries
         springs = {name: tries(name)[-1] for name in sorted(SPRINGS.intersection(names))}
-        return cls(sight, springs | dict.fromkeys(sorted(LIMITS.intersection(names)), LIMITED))
+        levels = {name: sight.model.placed[name].levels for name in LIMITS.intersection(names)}
+        return cls(sight, springs | {name: some[len(some) // 2] for name, some in levels.items()})
 
     def beside(self, now: RobotFit, promised: Sequence[RobotGain]) -> list[RobotGain]:
         """What is promised, and what is sought of which nothing is; best first."""

@@ -20,6 +20,7 @@ from bench.diagnosis.robot_settling import (
     JUDGED,
     LITTLE,
     NO_BETTER,
+    SPOILT,
     VOLTS_OFF,
     RobotJudges,
     Squares,
@@ -226,7 +227,7 @@ def test_a_name_that_tolerances_had_stood_in_for_need_not_be_better_where_they_f
     assert kept({(): before} | slightly) == ()
     assert kept({(): before} | more, {(): 9.0, ("a",): 9.0}, stand_in=[()]) == ()
     assert kept({(): before} | slightly, stand_in=[(), ("a",)]) == ()
-    for samples, names in ((1.0 + 0.9 * LITTLE, ("a",)), (1.0 + 1.1 * LITTLE, ())):
+    for samples, names in ((1.0 + 0.9 * SPOILT, ("a",)), (1.0 + 1.1 * SPOILT, ())):
         worse = {(): 1.0, ("a",): samples}
         assert kept({(): before} | slightly, worse, stand_in=[()]) == names
 

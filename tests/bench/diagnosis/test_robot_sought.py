@@ -9,7 +9,7 @@ import pytest
 from bench.diagnosis.robot_effects import LEVELS, placed_effects
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import HOPELESS, NEEDED, RobotGain
-from bench.diagnosis.robot_sought import LIMITED, LIMITS, SPRINGS, Sought
+from bench.diagnosis.robot_sought import LIMITS, SPRINGS, Sought
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -85,11 +85,12 @@ def test_a_limit_that_had_gained_is_tried_beside_what_was_taken_from_where_it_wa
 
 def test_limits_begin_where_a_robot_feels_them_though_nothing_is_promised_of_them():
     sought = Sought.much(sight(), [*LIMITS, "torque_limit@leg1"])
-    assert begun(sought.beside(fit("gain_error@all"), [])) == dict.fromkeys(LIMITS, LIMITED)
-    for name in LIMITS:
-        assert PLACED[name].knob.value(LIMITED) == pytest.approx(0.4)
+    found = begun(sought.beside(fit("gain_error@all"), []))
+    assert found.keys() == LIMITS
+    duties = [PLACED[name].knob.value(z) for name, z in found.items()]
+    assert duties == pytest.approx([0.4] * len(LIMITS))
     late = [gain(LIMIT, 0.9 * NEEDED), gain(OTHER, 1.1 * NEEDED)]
-    assert begun(sought.beside(fit("gain_error@all"), late)) == {LIMIT: LIMITED, OTHER: 1.0}
+    assert begun(sought.beside(fit("gain_error@all"), late)) == {LIMIT: found[LIMIT], OTHER: 1.0}
 
 
 def test_what_is_no_limit_is_not_sought_because_it_had_gained():
