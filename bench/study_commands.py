@@ -29,13 +29,13 @@ def study(
 ) -> None:
     """Put one of the open questions to the whole bench.
 
-    The thesis's own, on eight robots of another physics engine (three parts of half an hour or so):
+    The thesis's own, on eight robots of another physics engine (an hour or two):
 
         busemu study stance
 
-    The folder then has every recording, the key that says what was true, its hash as it was before
-    anything was diagnosed, study.json, and for every run the joints over the phase of the gait,
-    real against model, before and after. Recordings that are there already are not made again.
+    The folder then has index.html to look at, study.json, the key that says what was true and its
+    hash as it was before anything was diagnosed; and for every run its recordings and what
+    busemu diagnose leaves. Recordings and diagnoses that are there are not made again.
     """
     if name not in STUDIES:
         fail(f"no study named {name!r}: use {' or '.join(STUDIES)}")
@@ -49,7 +49,7 @@ def study(
     except (OSError, ValueError) as error:
         fail(error)
     except KeyboardInterrupt:
-        typer.echo("\ninterrupted; the same command goes on with the recordings that are there")
+        typer.echo("\ninterrupted; the same command goes on from what is there")
         raise typer.Exit(130) from None
     for line in lines:
         typer.echo(line)
@@ -57,22 +57,23 @@ def study(
 
 def _stance(folder: Path, seed: int, say: Callable[[str], None]) -> list[str]:
     from .studies.stance import study as run
+    from .studies.stance_page import named
 
     result = run(seed, folder, say)
     lines = []
     for answer in result["answers"]:
-        found = ", ".join(f"{e['name']} {e['value']:.3g} {e['unit']}" for e in answer["effects"])
+        found = "; ".join(named(answer))
         lines.append(
-            f"{answer['run']} from {answer['channels']}: {answer['answer']} "
+            f"{answer['run']} from {answer['part']}: {answer['answer']} "
             f"(true: {answer['truth']}, {answer['judged']}) {found}"
         )
-    for channels, score in result["score"].items():
+    for part, score in result["score"].items():
         lines.append(
-            f"from {channels}: {score['right']} of {score['of']} right, "
+            f"from {part}: {score['right']} of {score['of']} right, "
             f"{score['undecided']} undecided, {score['wrong']} wrong; "
             f"tips {score['tips_right']}, joints {score['joints_right']}"
         )
-    lines.append(f"next: look at {folder}/summary.png and {folder}/run-1-after.png")
+    lines.append(f"next: look at {folder}/index.html")
     return lines
 
 

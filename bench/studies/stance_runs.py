@@ -6,7 +6,7 @@ import enum
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -162,6 +162,14 @@ def recording_of(
     beside = seen.filter(pc.is_in(seen.column("register"), pa.array(watched)))
     table = pa.concat_tables([told, beside]).sort_by("t_s")
     return Recording.checked(table, {"format": FORMAT, **metadata})
+
+
+def only(recording: Recording, beside: Collection[str]) -> Recording:
+    """The recording without what was watched beside the servos, but for these registers."""
+    register = recording.table.column("register").cast(pa.string())
+    own = pc.invert(pc.match_substring(register, "/"))
+    told = pc.or_(own, pc.is_in(register, pa.array(sorted(beside), pa.string())))
+    return Recording.checked(recording.table.filter(told), recording.metadata)
 
 
 def _plain(table: pa.Table) -> pa.Table:

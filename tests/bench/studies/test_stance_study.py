@@ -1,13 +1,44 @@
+import json
 from collections import Counter
 from types import SimpleNamespace
 
 import pytest
 
 from bench.diagnosis.robot_effects import placed_effects
-from bench.studies.stance import JOINTS, RIVALS, TIPS, Answer
-from bench.studies.stance_runs import LOADS_KG, Cause, draw_runs, key_of
+from bench.recording import Recording
+from bench.studies import stance
+from bench.studies.stance import CONTACT_CLASS, JOINT_CLASS, PARTS, Answer, folder_of, scored, study
+from bench.studies.stance_runs import HEIGHT, LOADS_KG, Cause, draw_runs, key_of, only
 from busemu.tables import load_robot
 from sim.model import read_model
+
+
+def cause_of(effect, *rivals):
+    return {
+        "effect": effect,
+        "scope": ["leg1.femur", "leg1.tibia"],
+        "kind": "missing",
+        "parameters": {"stiffness_n_m": {"value": 1200.0, "ci95": [900.0, 1500.0], "unit": "N/m"}},
+        "probability": 0.71,
+        "indistinguishable_from": [{"effect": rival, "probability": 0.1} for rival in rivals],
+    }
+
+
+def document(*causes, verdict="explained", next_experiment=()):
+    return {
+        "verdict": verdict,
+        "causes": list(causes),
+        "fit": {"before": 5e-3, "after": 3e-3, "noise_floor": 2e-3},
+        "next_experiment": list(next_experiment),
+    }
+
+
+def answer(run, *causes, verdict="explained"):
+    return Answer(run, "joints", document(*causes, verdict=verdict))
+
+
+def run_with(cause, seed=1):
+    return next(run for run in draw_runs(seed) if run.cause is cause)
 
 
 def test_every_cause_walks_once_under_each_load_in_an_order_of_its_own():
@@ -17,6 +48,13 @@ def test_every_cause_walks_once_under_each_load_in_an_order_of_its_own():
     )
     orders = {tuple(run.cause for run in draw_runs(seed)) for seed in range(5)}
     assert len(orders) == 5
+
+
+def test_the_last_walk_of_a_run_is_under_the_other_load():
+    for run in draw_runs(1):
+        loads = [plan.payload_kg for _, plan in run.walks]
+        assert loads[:-1] == [run.payload_kg] * 2
+        assert loads[-1] != run.payload_kg
 
 
 def test_a_runs_name_tells_nothing_and_the_hash_gives_the_key_away_to_nobody():
@@ -39,16 +77,120 @@ def test_what_is_not_there_is_not_in_the_key():
     ("names", "cause"),
     [
         ((), Cause.NEITHER),
-        (("foot_compliance@all",), Cause.TIPS),
-        (("ground_compliance@all", "gain_error@all"), Cause.TIPS),
-        (("joint_compliance@tibia",), Cause.JOINTS),
-        (("foot_compliance@all", "backlash@femur"), Cause.BOTH),
-        (("payload@all",), Cause.NEITHER),
+        (("foot_compliance",), Cause.TIPS),
+        (("ground_compliance", "gain_error"), Cause.TIPS),
+        (("joint_compliance",), Cause.JOINTS),
+        (("foot_compliance", "backlash"), Cause.BOTH),
+        (("payload",), Cause.NEITHER),
     ],
 )
 def test_an_answer_is_the_classes_of_what_was_found(names, cause):
-    assert Answer(draw_runs(1)[0], "joints", SimpleNamespace(names=names)).cause is cause
+    assert answer(draw_runs(1)[0], *map(cause_of, names)).cause is cause
 
 
-def test_all_that_is_asked_about_exists():
-    assert set(TIPS + JOINTS + RIVALS) <= set(placed_effects(read_model(load_robot("marvin"))))
+def test_classes_are_of_effects_that_exist():
+    known = placed_effects(read_model(load_robot("marvin")))
+    assert {placed.effect.name for placed in known.values()} >= CONTACT_CLASS | JOINT_CLASS
+
+
+def test_an_answer_that_might_be_of_the_other_class_is_undecided_as_a_misfit_without_a_name_is():
+    run = run_with(Cause.TIPS)
+    assert answer(run, cause_of("foot_compliance")).word == "right"
+    assert answer(run, cause_of("foot_compliance", "ground_compliance")).word == "right"
+    assert answer(run, cause_of("foot_compliance", "joint_compliance")).word == "undecided"
+    assert answer(run, cause_of("joint_compliance")).word == "wrong"
+    assert answer(run, verdict="consistent").word == "wrong"
+    assert answer(run, verdict="unexplained").word == "undecided"
+    both = cause_of("foot_compliance", "backlash"), cause_of("joint_compliance")
+    assert answer(run_with(Cause.BOTH), *both).word == "right"
+
+
+def test_the_score_counts_words_and_classes():
+    wrong = answer(run_with(Cause.BOTH), cause_of("foot_compliance"))
+    right = answer(run_with(Cause.NEITHER), verdict="consistent")
+    assert scored([wrong, right]) == {
+        "right": 1,
+        "undecided": 0,
+        "wrong": 1,
+        "of": 2,
+        "tips_right": 2,
+        "joints_right": 1,
+    }
+
+
+def test_registers_beside_those_of_servos_are_given_only_where_they_are_asked_for():
+    names = ["present_position", HEIGHT, "imu/gyro_x"]
+    rows = [
+        SimpleNamespace(t_s=t, t_reply_s=t, servo_id=servo, op="read", register=name, raw=raw)
+        for t, servo, name, raw in zip(
+            (0.1, 0.2, 0.3), (1, 0, 0), names, (512.0, 0.1, 0.2), strict=True
+        )
+    ]
+    recording = Recording.of(rows, {"name": "walk", "robot": "marvin", "source": "emulator"})
+    assert only(recording, ()).registers == ("present_position",)
+    assert only(recording, {HEIGHT}).registers == (HEIGHT, "present_position")
+    assert only(recording, {HEIGHT}).metadata == recording.metadata
+
+
+@pytest.fixture
+def answered(tmp_path, monkeypatch):
+    """A folder in which all but the last diagnosis is there, and what was asked about the last."""
+    proposal = {
+        "experiment": "locomotion",
+        "arguments": {"trunk_load_kg": 0.15},
+        "separates": ["foot_compliance", "joint_compliance"],
+        "power": 0.93,
+    }
+    told = document(cause_of("foot_compliance", "joint_compliance"), next_experiment=[proposal])
+    runs = draw_runs(5)
+    for part in PARTS:
+        for run in runs:
+            (tmp_path / folder_of(run, part)).mkdir(parents=True)
+            ((tmp_path / folder_of(run, part)) / "diagnosis.json").write_text(json.dumps(told))
+    last = tmp_path / folder_of(runs[-1], list(PARTS)[-1]) / "diagnosis.json"
+    last.unlink()
+    asked = []
+
+    def diagnose(recordings, folder, title, say):
+        assert (tmp_path / "key.sha256").exists()
+        assert not (tmp_path / "key.json").exists()
+        asked.append((recordings, title))
+        last.write_text(json.dumps(document(verdict="consistent")))
+
+    monkeypatch.setattr(stance, "_diagnose", diagnose)
+    monkeypatch.setattr(stance, "recordings_of", lambda run, folder, say: [])
+    return tmp_path, runs, asked
+
+
+def test_diagnoses_that_are_there_are_not_made_again_and_the_key_is_told_last(answered):
+    out, runs, asked = answered
+    result = study(5, out, lambda stage: None)
+    assert asked == [([], f"{runs[-1].name} from joints and height")]
+    assert len(result["answers"]) == 2 * len(runs)
+    assert result["answers"][-1]["verdict"] == "consistent"
+    assert result["score"]["joints"] == {
+        "right": 0,
+        "undecided": 8,
+        "wrong": 0,
+        "of": 8,
+        "tips_right": 4,
+        "joints_right": 4,
+    }
+    key, digest = key_of(runs, 5)
+    assert (out / "key.json").read_text() == key
+    assert (out / "key.sha256").read_text().startswith(digest)
+    assert json.loads((out / "study.json").read_text()) == result
+
+
+def test_the_page_says_what_was_hidden_what_was_said_and_what_would_tell_more(answered):
+    out, runs, _ = answered
+    study(5, out, lambda stage: None)
+    page = (out / "index.html").read_text()
+    both = run_with(Cause.BOTH, 5)
+    assert f"tips {both.tips_n_m:.0f} N/m, femurs and tibiae {both.joints_rad_nm:.2f}" in page
+    assert "foot_compliance (femur, tibia) 1.2e+03 (900 to 1.5e+03) N/m, probability 0.71" in page
+    assert "; or joint_compliance" in page
+    assert "locomotion with trunk_load_kg = 0.15" in page
+    for part in PARTS:
+        for run in runs:
+            assert f"{folder_of(run, part)}/phase.png" in page
