@@ -4,7 +4,8 @@ The thesis's Marvin had systematic errors of femur and tibia while its feet stoo
 from compliance or from rubber tips, and left it open. Here eight robots on another engine have
 either, both or none of them, beside all that is never as believed. Each walks three times, twice
 under its own load and once under the other, and ``busemu diagnose`` is given the three recordings:
-of the joints' registers alone, and then with the height of the trunk beside them.
+of the joints' registers alone, and then with the height of the trunk beside them. Of a run that is
+undecided still, walks with the tips off are diagnosed first.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from bench.diagnosis.watch import Watch
 from bench.figures.style import save
 from bench.files import finite, write_json, write_text
 from bench.recording import Recording, read, write
-from busemu.tables import load_robot
+from busemu.tables import Robot, load_robot
 
 from .stance_figures import summary_figure
 from .stance_page import write_page
-from .stance_runs import HEIGHT, SCENE, Cause, Run, draw_runs, key_of, only, record
+from .stance_runs import BARE, HEIGHT, SCENE, Cause, Run, draw_runs, key_of, only, record
 
 Progress = Callable[[str], None]
 
@@ -38,11 +39,33 @@ ROBOT = "marvin"
 DIAGNOSIS = "diagnosis.json"
 CONTACT_CLASS = frozenset({"foot_compliance", "ground_compliance"})
 JOINT_CLASS = frozenset({"joint_compliance", "backlash"})
-#: what a diagnosis is given beside the registers of the joints
-PARTS: Mapping[str, frozenset[str]] = {
-    "joints": frozenset(),
-    "joints and height": frozenset({HEIGHT}),
-}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What a diagnosis is given beside the registers of the joints.
+
+    ``beside`` are registers of other instruments. ``bare``: the robot walks with its tips off,
+    too, and the walks with tips are diagnosed with the better model that comes of it. That is asked
+    of runs which are undecided without.
+    """
+
+    name: str
+    beside: frozenset[str] = frozenset()
+    bare: bool = False
+
+    @property
+    def folder(self) -> str:
+        """Of its diagnoses, within that of a run."""
+        return self.name.replace(" ", "-")
+
+
+JOINTS = Part("joints")
+PARTS = (
+    JOINTS,
+    Part("joints and height", frozenset({HEIGHT})),
+    Part("joints and tips off", bare=True),
+)
 
 
 @dataclass(frozen=True)
@@ -50,7 +73,7 @@ class Answer:
     """What a diagnosis said of one run: ``diagnosis.json``, as a document."""
 
     run: Run
-    part: str
+    part: Part
     diagnosis: Mapping[str, Any]
 
     @cached_property
@@ -61,7 +84,7 @@ class Answer:
     @property
     def folder(self) -> str:
         """Where the diagnosis is, within that of the study."""
-        return folder_of(self.run, self.part)
+        return f"{self.run.name}/{self.part.folder}"
 
     @property
     def cause(self) -> Cause:
@@ -98,7 +121,7 @@ class Answer:
         """As ``study.json`` has it."""
         return {
             "run": self.run.name,
-            "part": self.part,
+            "part": self.part.name,
             "answer": self.cause.value,
             "truth": self.run.cause.value,
             "judged": self.word,
@@ -127,7 +150,7 @@ def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
             "seed": seed,
             "scene": SCENE,
             "key_sha256": digest,
-            "score": {part: scored([a for a in answers if a.part == part]) for part in PARTS},
+            "score": {part.name: scored([a for a in answers if a.part is part]) for part in PARTS},
             "answers": [a.document() for a in answers],
         }
         save(summary_figure(answers), out / "summary.png")
@@ -138,37 +161,58 @@ def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
 
 
 def _answered(runs: Sequence[Run], out: Path, say: Progress) -> Iterator[Answer]:
-    for part, beside in PARTS.items():
+    latest: dict[str, Answer] = {}
+    for part in PARTS:
         for run in runs:
-            folder = out / folder_of(run, part)
-            if not (folder / DIAGNOSIS).exists():
-                recordings = recordings_of(run, out / run.name / "walks", say)
-                told = [only(recording, beside) for recording in recordings]
-                _diagnose(told, folder, f"{run.name} from {part}", say)
-            yield Answer(run, part, json.loads((folder / DIAGNOSIS).read_text("utf-8")))
+            if part.bare and not latest[run.name].undecided:
+                continue
+            latest[run.name] = Answer(run, part, _diagnosed(run, part, out / run.name, say))
+            yield latest[run.name]
 
 
-def folder_of(run: Run, part: str) -> str:
-    """Where a diagnosis is, within the folder of the study."""
-    return f"{run.name}/{part.replace(' ', '-')}"
+def _diagnosed(run: Run, part: Part, folder: Path, say: Progress) -> Mapping[str, Any]:
+    """What is said of a run with what a part gives."""
+    own, robot, told = folder / part.folder, load_robot(ROBOT), f"{run.name} from {part.name}"
+    if not part.bare:
+        recordings = recordings_of(run, folder / "walks", say)
+        return diagnosis(robot, [only(r, part.beside) for r in recordings], own, told, say)
+    without = [only(r, ()) for r in recordings_of(run, folder / "walks", say, bare=True)]
+    bare = diagnosis(robot, without, folder / BARE, f"{told}, off", say)
+    better = load_robot(folder / BARE / "model.toml")
+    recordings = [only(r, ()) for r in recordings_of(run, folder / "walks", say)]
+    found = diagnosis(better, recordings, own, f"{told}, on", say)
+    return {**found, "causes": [*bare["causes"], *found["causes"]]}
 
 
-def recordings_of(run: Run, folder: Path, say: Progress) -> list[Recording]:
+def recordings_of(run: Run, folder: Path, say: Progress, *, bare: bool = False) -> list[Recording]:
     """The recordings of a run, from the folder where they are there already."""
     folder.mkdir(parents=True, exist_ok=True)
     found = []
-    for name, plan in run.walks:
+    for name, plan in run.walks(bare=bare):
         path = folder / f"{name}.parquet"
         if not path.exists():
             say(f"walking: {name}")
-            write(record(run, plan, name), path)
+            write(record(run, plan, name, bare=bare), path)
         found.append(read(path))
     return found
 
 
-def _diagnose(recordings: Sequence[Recording], folder: Path, title: str, say: Progress) -> None:
-    """What ``busemu diagnose`` does with the last recording held out."""
-    robot = load_robot(ROBOT)
+def diagnosis(
+    robot: Robot, recordings: Sequence[Recording], folder: Path, title: str, say: Progress
+) -> dict[str, Any]:
+    """What ``busemu diagnose`` says with the last recording held out, and leaves in a folder.
+
+    A diagnosis that is there is not made again.
+    """
+    if not (folder / DIAGNOSIS).exists():
+        _diagnose(robot, recordings, folder, title, say)
+    told: dict[str, Any] = json.loads((folder / DIAGNOSIS).read_text("utf-8"))
+    return told
+
+
+def _diagnose(
+    robot: Robot, recordings: Sequence[Recording], folder: Path, title: str, say: Progress
+) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(folder / FOLDER)
     parts = Split(tuple(recordings[:-1]), tuple(recordings[-1:]))

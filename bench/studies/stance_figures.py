@@ -30,7 +30,7 @@ def summary_figure(answers: Sequence[Answer]) -> Figure:
         axes.plot(after, row, "o", color=START, label="with what was found" if not row else None)
         axes.plot(floor, row, "|", color=GOAL, label="noise" if not row else None)
         labels.append(
-            f"{answer.run.name}, {answer.part}: {answer.cause.value} "
+            f"{answer.run.name}, {answer.part.name}: {answer.cause.value} "
             f"(true: {answer.run.cause.value}) {answer.word}"
         )
     axes.set_yticks(range(len(labels)), labels)

@@ -28,6 +28,7 @@ LOADS_KG = (0.0, 0.092)  #: source: the thesis's torque experiment, without and 
 SECONDS = 10.0  #: six steady cycles or so; walks of 5 s have fewer than three
 SEEDS = (0, 3)  #: of the pattern generator's first state, one a recording under the run's load
 OTHER_LOAD = "other-load"  #: the recording of the same robot under the other load
+BARE = "tips-off"  #: recordings of the same robot without its tips
 #: sizes drawn between these, on a logarithmic scale; the tips' are within what rubber is assumed
 #: to have, the joints' extra compliance three to six times that of the file's gear
 TIPS_N_M = (500.0, 1500.0)
@@ -80,16 +81,19 @@ class Run:
         """Of the run; says nothing of the cause."""
         return f"run-{self.number}"
 
-    @property
-    def walks(self) -> tuple[tuple[str, WalkPlan], ...]:
-        """Names of the recordings, and what was walked: twice as drawn, then with other weight."""
+    def walks(self, *, bare: bool = False) -> tuple[tuple[str, WalkPlan], ...]:
+        """Names of the recordings, and what was walked: twice as drawn, then with other weight.
+
+        ``bare``: with the tips taken off.
+        """
+        name = f"{self.name}-{BARE}" if bare else self.name
         own = [
-            (f"{self.name}-{seed}", WalkPlan(SECONDS, payload_kg=self.payload_kg, seed=seed))
+            (f"{name}-{seed}", WalkPlan(SECONDS, payload_kg=self.payload_kg, seed=seed))
             for seed in SEEDS
         ]
         (other,) = (load for load in LOADS_KG if load != self.payload_kg)
         more = WalkPlan(SECONDS, payload_kg=other, seed=SEEDS[0])
-        return (*own, (f"{self.name}-{OTHER_LOAD}", more))
+        return (*own, (f"{name}-{OTHER_LOAD}", more))
 
     def told(self) -> dict[str, Any]:
         """For the key."""
@@ -130,22 +134,25 @@ def key_of(runs: tuple[Run, ...], seed: int) -> tuple[str, str]:
     return text, hashlib.sha256(text.encode()).hexdigest()
 
 
-def specimen(run: Run, plan: WalkPlan) -> Whole:
-    """The robot of a run: every one differs in what is never exactly as believed, too."""
+def specimen(run: Run, plan: WalkPlan, *, bare: bool = False) -> Whole:
+    """The robot of a run: every one differs in what is never exactly as believed, too.
+
+    ``bare``: with its tips taken off, on feet that are as long and do not give.
+    """
     case = draw_legged(run.seed, Asked(kind="null", rig=SCENE, disguise=False))
     whole, _ = case.truth(plan)
     where = Where(1, tuple(str(leg["name"]) for leg in SCENES[SCENE].robot.document["leg"]))
-    if run.cause.tips:
+    if run.cause.tips and not bare:
         whole, _ = LEGGED["foot_compliance"].apply(whole, 1.0 / run.tips_n_m, where)
     if run.cause.joints:
         whole, _ = LEGGED["joint_compliance"].apply(whole, run.joints_rad_nm, where)
     return whole
 
 
-def record(run: Run, plan: WalkPlan, name: str) -> Recording:
+def record(run: Run, plan: WalkPlan, name: str, *, bare: bool = False) -> Recording:
     """Walk."""
     scene = SCENES[SCENE]
-    whole = specimen(run, plan)
+    whole = specimen(run, plan, bare=bare)
     played = play(scene, plan, whole.body, whole.electrics)
     return recording_of(scene.robot, played, name, plan.payload_kg)
 

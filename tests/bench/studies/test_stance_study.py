@@ -1,5 +1,6 @@
 import json
 from collections import Counter
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -7,8 +8,17 @@ import pytest
 from bench.diagnosis.robot_effects import placed_effects
 from bench.recording import Recording
 from bench.studies import stance
-from bench.studies.stance import CONTACT_CLASS, JOINT_CLASS, PARTS, Answer, folder_of, scored, study
-from bench.studies.stance_runs import HEIGHT, LOADS_KG, Cause, draw_runs, key_of, only
+from bench.studies.stance import CONTACT_CLASS, JOINT_CLASS, JOINTS, PARTS, Answer, scored, study
+from bench.studies.stance_runs import (
+    BARE,
+    HEIGHT,
+    LOADS_KG,
+    Cause,
+    draw_runs,
+    key_of,
+    only,
+    specimen,
+)
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -34,7 +44,7 @@ def document(*causes, verdict="explained", next_experiment=()):
 
 
 def answer(run, *causes, verdict="explained"):
-    return Answer(run, "joints", document(*causes, verdict=verdict))
+    return Answer(run, JOINTS, document(*causes, verdict=verdict))
 
 
 def run_with(cause, seed=1):
@@ -52,7 +62,7 @@ def test_every_cause_walks_once_under_each_load_in_an_order_of_its_own():
 
 def test_the_last_walk_of_a_run_is_under_the_other_load():
     for run in draw_runs(1):
-        loads = [plan.payload_kg for _, plan in run.walks]
+        loads = [plan.payload_kg for _, plan in run.walks()]
         assert loads[:-1] == [run.payload_kg] * 2
         assert loads[-1] != run.payload_kg
 
@@ -132,65 +142,90 @@ def test_registers_beside_those_of_servos_are_given_only_where_they_are_asked_fo
     assert only(recording, {HEIGHT}).metadata == recording.metadata
 
 
-@pytest.fixture
-def answered(tmp_path, monkeypatch):
-    """A folder in which all but the last diagnosis is there, and what was asked about the last."""
-    proposal = {
-        "experiment": "locomotion",
-        "arguments": {"trunk_load_kg": 0.15},
-        "separates": ["foot_compliance", "joint_compliance"],
-        "power": 0.93,
-    }
-    told = document(cause_of("foot_compliance", "joint_compliance"), next_experiment=[proposal])
-    runs = draw_runs(5)
-    for part in PARTS:
-        for run in runs:
-            (tmp_path / folder_of(run, part)).mkdir(parents=True)
-            ((tmp_path / folder_of(run, part)) / "diagnosis.json").write_text(json.dumps(told))
-    last = tmp_path / folder_of(runs[-1], list(PARTS)[-1]) / "diagnosis.json"
-    last.unlink()
-    asked = []
+PROPOSAL = {
+    "experiment": "locomotion",
+    "arguments": {"trunk_load_kg": 0.15},
+    "separates": ["foot_compliance", "joint_compliance"],
+    "power": 0.93,
+}
+UNDECIDED = document(cause_of("foot_compliance", "joint_compliance"), next_experiment=[PROPOSAL])
+JOINTS_FOUND = document(cause_of("joint_compliance"))
+TIPS_FOUND = document(cause_of("foot_compliance"))
 
-    def diagnose(recordings, folder, title, say):
+
+@pytest.fixture
+def diagnosed(tmp_path, monkeypatch):
+    """What is diagnosed, as ``told`` has it by the folder's name; all is undecided else."""
+    told, asked = {}, []
+
+    def diagnose(robot, recordings, folder, title, say):
         assert (tmp_path / "key.sha256").exists()
         assert not (tmp_path / "key.json").exists()
-        asked.append((recordings, title))
-        last.write_text(json.dumps(document(verdict="consistent")))
+        asked.append((f"{folder.parent.name}/{folder.name}", robot.name, len(recordings)))
+        folder.mkdir(parents=True)
+        (folder / "diagnosis.json").write_text(json.dumps(told.get(asked[-1][0], UNDECIDED)))
+        (folder / "model.toml").write_text("better")
 
     monkeypatch.setattr(stance, "_diagnose", diagnose)
-    monkeypatch.setattr(stance, "recordings_of", lambda run, folder, say: [])
-    return tmp_path, runs, asked
+    monkeypatch.setattr(stance, "recordings_of", lambda *_, bare=False: ["walk"] * (3 + bare))
+    monkeypatch.setattr(stance, "only", lambda recording, beside: recording)
+    monkeypatch.setattr(stance, "load_robot", lambda which: SimpleNamespace(name=str(which)))
+    return told, asked
 
 
-def test_diagnoses_that_are_there_are_not_made_again_and_the_key_is_told_last(answered):
-    out, runs, asked = answered
-    result = study(5, out, lambda stage: None)
-    assert asked == [([], f"{runs[-1].name} from joints and height")]
-    assert len(result["answers"]) == 2 * len(runs)
-    assert result["answers"][-1]["verdict"] == "consistent"
-    assert result["score"]["joints"] == {
-        "right": 0,
-        "undecided": 8,
-        "wrong": 0,
-        "of": 8,
-        "tips_right": 4,
-        "joints_right": 4,
-    }
-    key, digest = key_of(runs, 5)
-    assert (out / "key.json").read_text() == key
-    assert (out / "key.sha256").read_text().startswith(digest)
-    assert json.loads((out / "study.json").read_text()) == result
+def test_a_run_that_is_undecided_walks_with_its_tips_off_and_goes_on_from_there(
+    tmp_path, diagnosed
+):
+    told, asked = diagnosed
+    runs = draw_runs(5)
+    decided = [run for run in runs if run.cause is not Cause.BOTH]
+    told |= {f"{run.name}/joints-and-height": document(verdict="consistent") for run in decided}
+    both = [run for run in runs if run.cause is Cause.BOTH]
+    told |= {f"{run.name}/{BARE}": JOINTS_FOUND for run in both}
+    told |= {f"{run.name}/joints-and-tips-off": TIPS_FOUND for run in both}
+    result = study(5, tmp_path, lambda stage: None)
+    names = [f"{run.name}/{part.folder}" for part in PARTS[:2] for run in runs]
+    assert [where for where, _, _ in asked[:16]] == names
+    assert {(robot, count) for _, robot, count in asked[:16]} == {("marvin", 3)}
+    better = str(tmp_path / both[0].name / BARE / "model.toml")
+    assert asked[16:18] == [
+        (f"{both[0].name}/{BARE}", "marvin", 4),
+        (f"{both[0].name}/joints-and-tips-off", better, 3),
+    ]
+    assert len(asked) == 20
+    assert [score["of"] for score in result["score"].values()] == [8, 8, 2]
+    assert result["score"]["joints and tips off"]["right"] == 2
+    assert result["score"]["joints"]["undecided"] == 8
 
 
-def test_the_page_says_what_was_hidden_what_was_said_and_what_would_tell_more(answered):
-    out, runs, _ = answered
-    study(5, out, lambda stage: None)
-    page = (out / "index.html").read_text()
+def test_diagnoses_that_are_there_are_not_made_again_and_the_key_is_told_last(tmp_path, diagnosed):
+    _, asked = diagnosed
+    result = study(5, tmp_path, lambda stage: None)
+    key, digest = key_of(draw_runs(5), 5)
+    assert (tmp_path / "key.json").read_text() == key
+    assert (tmp_path / "key.sha256").read_text().startswith(digest)
+    assert json.loads((tmp_path / "study.json").read_text()) == result
+    asked.clear()
+    assert study(5, tmp_path, lambda stage: None) == result
+    assert asked == []
+
+
+def test_the_page_says_what_was_hidden_what_was_said_and_what_would_tell_more(tmp_path, diagnosed):
+    study(5, tmp_path, lambda stage: None)
+    page = (tmp_path / "index.html").read_text()
     both = run_with(Cause.BOTH, 5)
     assert f"tips {both.tips_n_m:.0f} N/m, femurs and tibiae {both.joints_rad_nm:.2f}" in page
     assert "foot_compliance (femur, tibia) 1.2e+03 (900 to 1.5e+03) N/m, probability 0.71" in page
     assert "; or joint_compliance" in page
     assert "locomotion with trunk_load_kg = 0.15" in page
     for part in PARTS:
-        for run in runs:
-            assert f"{folder_of(run, part)}/phase.png" in page
+        for run in draw_runs(5):
+            assert f"{run.name}/{part.folder}/phase.png" in page
+
+
+def test_tips_that_are_off_do_not_give():
+    run = run_with(Cause.TIPS)
+    _, plan = run.walks()[0]
+    give, stiff = (specimen(run, plan, bare=bare).body for bare in (False, True))
+    assert give != stiff
+    assert stiff == specimen(replace(run, cause=Cause.NEITHER), plan).body
