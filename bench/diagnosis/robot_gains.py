@@ -49,7 +49,7 @@ class RobotFindings:
 
     ``alike``: for each effect taken, those this data cannot tell from it, with the cosine of their
     traces (1 where only their gains are close). ``screened`` is the first screening, with what
-    could be seen at all. RMS [rad] of the joint rows, by exact replays: with nuisances, at the end.
+    could be seen at all.
     """
 
     base: RobotFit
@@ -58,13 +58,6 @@ class RobotFindings:
     tried: tuple[tuple[RobotGain, ...], ...]
     alike: Mapping[str, tuple[tuple[str, float], ...]]
     screened: tuple[Screened, ...]
-    rms_before_rad: float
-    rms_after_rad: float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Effects taken, sorted."""
-        return tuple(sorted(gain.name for gain in self.taken))
 
 
 def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:

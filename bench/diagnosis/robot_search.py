@@ -63,13 +63,12 @@ class RobotSearch(ExactFits):
 
     def run(
         self,
-        names: Iterable[str] | None = None,
         most: int = MOST,
         without: Collection[str] = (),
         base: RobotFit | None = None,
         done: Callable[[RobotFit], bool] = lambda _: False,
     ) -> RobotFindings:
-        """Search among placed effects; all, and legs only where legs stand out, if None.
+        """Search among placed effects, of legs only where legs stand out.
 
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
         believes if that was fitted. Of a fit that is ``done`` nothing more is asked.
@@ -78,8 +77,8 @@ class RobotSearch(ExactFits):
         base = base or self.believed()
         self.around(base)
         first = self.screen(base)
-        wanted = list(names) if names is not None else self._worth_looking(first)
-        wanted = [name for name in wanted if model.placed[name].effect.name not in without]
+        looked = self._worth_looking(first)
+        wanted = [name for name in looked if model.placed[name].effect.name not in without]
         self._say(f"replaying {len(wanted)} effects")
         ranking = first.rank(wanted)
         screened = tuple(ranking)
@@ -110,9 +109,7 @@ class RobotSearch(ExactFits):
         pruned, taken = self._prune(now, taken)
         now = now if pruned is now else self.settle(pruned)
         now, taken = self._standing(base, now, taken)
-        return RobotFindings(
-            base, now, tuple(taken), tuple(tried), alike, screened, self._rms(base), self._rms(now)
-        )
+        return RobotFindings(base, now, tuple(taken), tuple(tried), alike, screened)
 
     def _sought(self, names: Iterable[str]) -> Sought:
         return Sought.much(self.sight, names)
@@ -124,8 +121,7 @@ class RobotSearch(ExactFits):
 
     def nothing(self, base: RobotFit) -> RobotFindings:
         """That what the operator believes is all there is to say."""
-        rms = self._rms(base)
-        return RobotFindings(base, base, (), (), {}, (), rms, rms)
+        return RobotFindings(base, base, (), (), {}, ())
 
     def _chosen(
         self, now: RobotFit, promised: Sequence[RobotGain], named: Collection[str]
@@ -382,9 +378,3 @@ class RobotSearch(ExactFits):
             *taken, last = taken
             now = self.settle(self.sight.without(now, last.name)) if taken else base
         return now, taken
-
-    def _rms(self, found: RobotFit) -> float:
-        self.model.recentre(found.settings, found.nuisances, self.which)
-        blocks = self.model.residuals(found.names, found.z, self.which)
-        rows = [b.value for k, b in blocks.items() if k[1] is RobotKind.JOINTS]
-        return float(np.sqrt(np.mean(np.concatenate(rows) ** 2)))
