@@ -41,7 +41,7 @@ from . import loop_gaits
 from .stance_runs import LOADS_KG, SCENE, Cause, Run, recording_of, specimen
 
 FORMAT = "busemu-loop-study/1"
-SECONDS = 5.0  #: of a walk
+SECONDS = 10.0  #: of a walk; five seconds have fewer than three steady cycles
 TIPS_N_M, JOINTS_RAD_NM = 800.0, 0.3  #: what is hidden
 #: walks that fit, by name, and the one that judges the diagnosis
 FITTED = {
