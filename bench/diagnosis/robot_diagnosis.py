@@ -23,13 +23,13 @@ from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_causes, of_nuisances
 from .robot_judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
 from .robot_limits import limits, other_volts, stand_in
-from .robot_model import RATTLING, RobotModel
+from .robot_model import RATTLING, Progress, RobotModel
 from .robot_next import next_experiments
 from .robot_places import mismatch, moved
 from .robot_rattling import Play, Rattling, told, worsened
 from .robot_replay import course
 from .robot_rest import Rest, rest_of
-from .robot_search import Progress, RobotSearch
+from .robot_search import RobotSearch
 from .robot_settling import RobotJudges
 from .watch import OutOfTimeError
 

@@ -22,12 +22,13 @@ from .robot_causes import cause_of
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
 from .robot_gains import NEEDED, RobotGain
-from .robot_model import RATTLING, RobotModel
+from .robot_model import RATTLING, Progress, RobotModel
 from .robot_screen import Screened
-from .robot_search import BESIDE, HELD_OUT, Progress, RobotSearch
+from .robot_search import RobotSearch
 from .robot_settling import LITTLE
 from .robot_shaking import by_kind
 from .robot_sought import Sought
+from .robot_steps import BESIDE, HELD_OUT
 
 #: fits of one hypothesis to shaking end so many nats apart: no tolerances lead them astray, and
 #: other starts of its replays make 0.8 nats, measured of play of 5 degrees in two joints of a leg
@@ -57,7 +58,7 @@ class Play:
 class ShakingSearch(RobotSearch):
     """A search on shaking alone: springs have no two valleys there, and samples are chance."""
 
-    def _sought(self, names: Iterable[str]) -> Sought:
+    def _sought(self, names: Collection[str]) -> Sought:
         return Sought(self.sight, {})
 
     def _step(self, some: Sequence[Screened], now: RobotFit, step: int) -> list[RobotGain]:

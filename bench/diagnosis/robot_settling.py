@@ -17,8 +17,9 @@ from .robot_fit import RobotFit, voltage_noise
 from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad, steady_rmse_rad
-from .robot_model import RobotModel
-from .robot_search import AT_END, WORSE, Progress, RobotSearch
+from .robot_model import Progress, RobotModel
+from .robot_search import AT_END, RobotSearch
+from .robot_steps import WORSE
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,18 @@ SPRINGS = frozenset(
 #: limits that are looked for likewise, from the middle one of their levels: femurs carry the robot
 LIMITS = frozenset({"torque_limit@all", "torque_limit@femur"})
 
+#: what is looked for together, as both give under the same load and neither shows without the other
+PAIRS = (("joint_compliance@femur+tibia", "foot_compliance@all"),)
+SOFT = 3.0  #: of tips beside a spring, in first tries, where a fit begins
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two effects at places, and knobs from which they are tried."""
+
+    names: tuple[str, str]
+    knobs: tuple[float, float]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sought:
@@ -26,19 +38,26 @@ class Sought:
     These are springs and limits, much of them, and limits from where they had come to in place of
     what was taken: they may be beside it, too. Curves of limits say little, as they are those of a
     robot as believed in all else: of one of 0.4 duty in another engine they promised nothing, and a
-    fit that began there gained 700 nats.
+    fit that began there gained 700 nats. ``pairs`` are tried at the first step.
     """
 
     sight: Sight
     at: Mapping[str, float]
+    pairs: tuple[Pair, ...] = ()
 
     @classmethod
-    def much(cls, sight: Sight, names: Iterable[str]) -> Sought:
+    def much(cls, sight: Sight, names: Collection[str]) -> Sought:
         """Springs and limits among some names, from where a robot feels them."""
         tries = sight.model.curves.tries
         springs = {name: tries(name)[-1] for name in sorted(SPRINGS.intersection(names))}
         levels = {name: sight.model.placed[name].levels for name in LIMITS.intersection(names)}
-        return cls(sight, springs | {name: some[len(some) // 2] for name, some in levels.items()})
+        limits = {name: some[len(some) // 2] for name, some in levels.items()}
+        pairs = [
+            Pair((spring, tips), (springs[spring], SOFT * sight.model.curves.first_z(tips)))
+            for spring, tips in PAIRS
+            if spring in springs and tips in names
+        ]
+        return cls(sight, springs | limits, tuple(pairs))
 
     def beside(self, now: RobotFit, promised: Sequence[RobotGain]) -> list[RobotGain]:
         """What is promised, and what is sought of which nothing is; best first."""

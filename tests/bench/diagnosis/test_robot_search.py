@@ -22,14 +22,8 @@ from bench.diagnosis.robot_screen import (
     stretched,
     worth_fitting,
 )
-from bench.diagnosis.robot_search import (
-    BESIDE,
-    BEST,
-    HELD_OUT,
-    PROMISED,
-    WORSE,
-    RobotSearch,
-)
+from bench.diagnosis.robot_search import RobotSearch
+from bench.diagnosis.robot_steps import BESIDE, BEST, HELD_OUT, PROMISED, WORSE
 from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
 from sim.model import read_model
@@ -479,7 +473,10 @@ def test_an_effect_beside_others_must_gain_more():
 
 
 NOTHING = SimpleNamespace(
-    beside=lambda now, gains: gains, asked=lambda gains: set(), after=lambda fitted: NOTHING
+    beside=lambda now, gains: gains,
+    asked=lambda gains: set(),
+    after=lambda fitted: NOTHING,
+    pairs=(),
 )
 
 
@@ -536,6 +533,8 @@ def test_of_a_fit_that_is_done_nothing_more_is_asked(enough):
 class Kept:
     """What is sought, by how many steps have been told to it."""
 
+    pairs = ()
+
     def __init__(self, told=0):
         self.told = told
 
@@ -561,3 +560,25 @@ def test_what_is_sought_is_tried_at_every_step_as_the_steps_before_have_it():
     search._chosen = seeing
     search.run(most=2, base=fit_of(()))
     assert seen == [([f"sought {k}"], {f"sought {k}", f"asked {k}"}) for k in (0, 1)]
+
+
+@pytest.mark.parametrize("most", [2, 3])
+def test_a_pair_is_tried_at_the_first_step_and_counts_as_two(most):
+    search, asked = Stepping(), []
+    sought = SimpleNamespace(**vars(NOTHING))
+    sought.pairs, sought.after = ("a pair",), lambda fitted: sought
+    search._sought = lambda names: sought
+
+    def together(pairs, now, tried, chosen):
+        asked.append((pairs, chosen.name))
+        fit = fit_of(("effect0@all", "effect1@all"))
+        return [RobotGain(name, fit, 99.0, 1.0, None) for name in fit.names]
+
+    search._together = together
+    found = search.run(most=most, base=fit_of(()))
+    assert [gain.name for gain in found.taken] == [f"effect{k}@all" for k in range(most)]
+    assert [[gain.name for gain in step] for step in found.tried][:2] == [
+        ["effect0@all", "effect0@all"],
+        ["effect1@all"],
+    ]
+    assert asked == [(("a pair",), "effect0@all")]

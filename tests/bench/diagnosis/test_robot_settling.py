@@ -14,7 +14,6 @@ from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_limits import other_volts
 from bench.diagnosis.robot_model import VOLTAGE_SENSE
 from bench.diagnosis.robot_nuisances import RobotNuisance
-from bench.diagnosis.robot_search import WORSE
 from bench.diagnosis.robot_settling import (
     FITTED,
     JUDGED,
@@ -25,6 +24,7 @@ from bench.diagnosis.robot_settling import (
     RobotJudges,
     Squares,
 )
+from bench.diagnosis.robot_steps import WORSE
 
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
 FITS, JUDGES = (0, 1), (2,)

@@ -15,9 +15,10 @@ from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import NEEDED, RobotGain
 from bench.diagnosis.robot_rattling import SHAKEN_APART_NATS, Rattling, ShakingSearch, told
 from bench.diagnosis.robot_replay import play
-from bench.diagnosis.robot_search import BESIDE, HELD_OUT, RobotSearch
+from bench.diagnosis.robot_search import RobotSearch
 from bench.diagnosis.robot_shaking import ENGINES_SHAKING, by_kind
 from bench.diagnosis.robot_sought import SPRINGS
+from bench.diagnosis.robot_steps import BESIDE, HELD_OUT
 from sim.effects import effect
 
 PLAY_RAD = math.radians(3.0)

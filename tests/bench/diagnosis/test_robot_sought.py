@@ -9,7 +9,7 @@ import pytest
 from bench.diagnosis.robot_effects import LEVELS, placed_effects
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import HOPELESS, NEEDED, RobotGain
-from bench.diagnosis.robot_sought import LIMITS, SPRINGS, Sought
+from bench.diagnosis.robot_sought import LIMITS, PAIRS, SOFT, SPRINGS, Pair, Sought
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -20,7 +20,8 @@ PLACED = placed_effects(read_model(load_robot("marvin")))
 
 
 def sight():
-    model = SimpleNamespace(placed=PLACED, curves=SimpleNamespace(tries=lambda _: [1.0, MUCH]))
+    curves = SimpleNamespace(tries=lambda _: [1.0, MUCH], first_z=lambda name: PLACED[name].first_z)
+    model = SimpleNamespace(placed=PLACED, curves=curves)
     return SimpleNamespace(model=model, inflation=lambda *_: INFLATION)
 
 
@@ -43,6 +44,14 @@ def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
     assert begun(found) == {"payload@all": 1.0, first: 1.0, **dict.fromkeys(rest, MUCH)}
     assert {one.fit.names for one in found if one.name in rest} == {("tips@all", n) for n in rest}
     assert sought.asked(found) == SPRINGS
+
+
+def test_soft_tips_are_sought_beside_soft_joints_where_both_are_looked_at():
+    ((spring, tips),) = PAIRS
+    first = PLACED[tips].first_z
+    assert Sought.much(sight(), PAIRS[0]).pairs == (Pair(PAIRS[0], (MUCH, SOFT * first)),)
+    assert Sought.much(sight(), [spring, "payload@all"]).pairs == ()
+    assert Sought.much(sight(), [tips, "payload@all"]).pairs == ()
 
 
 def test_springs_that_are_not_looked_at_are_not_sought():

@@ -1,0 +1,123 @@
+"""Two effects that show only together, tried as one."""
+
+from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bench.diagnosis.robot_fit import RobotFit
+from bench.diagnosis.robot_gains import APART_NATS, RobotGain
+from bench.diagnosis.robot_search import RobotSearch
+from bench.diagnosis.robot_sought import Pair
+from bench.diagnosis.robot_steps import BESIDE, WORSE
+
+SPRING, TIPS = "joint_compliance@femur+tibia", "foot_compliance@all"
+PAIR = Pair((SPRING, TIPS), (8.0, 3.0))
+
+
+def fit_of(names):
+    names = tuple(names)
+    return RobotFit(names, np.zeros(len(names)), {}, 0.0)
+
+
+class Pairing(RobotSearch):
+    """A search in which fits gain what is told of their names; of a pair that begins, ``at_once``.
+
+    ``settled`` is what is gained without one of a pair, ``outside`` on groups that are left out.
+    """
+
+    def __init__(self, gained, *, at_once=None, settled=0.0, outside=99.0, square=1.0):
+        self.gained, self.at_once, self.settled = gained, at_once, settled
+        self.outside, self.square = outside, square
+        self.model = SimpleNamespace(following=nullcontext)
+        self.sight = SimpleNamespace(
+            without=lambda fit, name: fit_of(n for n in fit.names if n != name),
+            inflation=lambda fit, name: 2.0,
+        )
+        self._say = lambda stage: None
+        self.last = None
+
+    def begun(self, names, knobs, noise=None, nuisances=None):
+        gained = self.gained if self.at_once is None else self.at_once
+        return RobotFit(names, np.asarray(knobs), noise, -gained)
+
+    def refined(self, settled):
+        return replace(settled, cost=-self.gained)
+
+    def replayed(self, found):
+        return found
+
+    def settle(self, found, begun=None):
+        return replace(found, cost=-self.settled)
+
+    def around(self, found, but=()):
+        self.last = found
+
+    def _left_out(self, found):
+        return -self.outside if set(PAIR.names) <= set(found.names) else 0.0
+
+    def _whole_square(self, found):
+        return self.square if found.names else 1.0
+
+
+ENOUGH_OF_BOTH = 2.2 * BESIDE  # divided by an inflation of 2
+
+
+def single(name, nats):
+    return RobotGain(name, replace(fit_of((name,)), cost=-nats), nats, 2.0, None)
+
+
+def test_two_that_show_only_together_are_taken_together():
+    search, now = Pairing(400.0, settled=10.0), fit_of(())
+    tried = [single("backlash@tibia", 70.0), single(SPRING, 20.0)]
+    spring, tips = search._together([PAIR], now, tried, tried[0])
+    assert (spring.name, tips.name) == PAIR.names
+    assert spring.fit is tips.fit is search.last
+    assert spring.fit.names == PAIR.names
+    np.testing.assert_array_equal(spring.fit.z, PAIR.knobs)
+    assert (spring.nats, tips.nats) == (390.0, 380.0)
+    assert spring.held_out == tips.held_out == 99.0
+    assert spring.inflation == 2.0
+
+
+def test_a_pair_begins_beside_what_is_taken():
+    (gain, _) = Pairing(400.0)._together([PAIR], fit_of(("other@all",)), [], None)
+    assert gain.fit.names == ("other@all", *PAIR.names)
+
+
+@pytest.mark.parametrize(
+    ("search", "tried"),
+    [
+        (Pairing(70.0 + 0.9 * BESIDE), [single("backlash@tibia", 70.0)]),
+        (Pairing(400.0, at_once=70.0 + 0.9 * BESIDE), [single("backlash@tibia", 70.0)]),
+        (Pairing(400.0), [single(SPRING, 400.0 - 0.9 * ENOUGH_OF_BOTH)]),
+        (Pairing(400.0, settled=400.0 - 0.9 * ENOUGH_OF_BOTH), []),
+        (Pairing(400.0, outside=-1.1 * APART_NATS), []),
+        (Pairing(400.0, square=1.1 * WORSE), []),
+    ],
+)
+def test_two_of_which_one_would_do_or_which_do_not_hold_are_no_pair(search, tried):
+    now = fit_of(())
+    best = next((gain for gain in tried if gain.name not in PAIR.names), None)
+    assert search._together([PAIR], now, tried, best) == []
+    assert search.last is (now if best is None else best.fit)
+
+
+def test_the_same_with_a_little_more_is_a_pair():
+    for search, tried in (
+        (Pairing(70.0 + ENOUGH_OF_BOTH), [single("backlash@tibia", 70.0)]),
+        (Pairing(400.0), [single(SPRING, 400.0 - ENOUGH_OF_BOTH)]),
+        (Pairing(400.0, settled=400.0 - ENOUGH_OF_BOTH), []),
+        (Pairing(400.0, outside=-0.9 * APART_NATS), []),
+        (Pairing(400.0, square=0.9 * WORSE), []),
+    ):
+        best = next((gain for gain in tried if gain.name not in PAIR.names), None)
+        assert len(search._together([PAIR], fit_of(()), tried, best)) == 2
+
+
+def test_nothing_is_replayed_where_no_pair_is_sought():
+    search = Pairing(400.0)
+    assert search._together([], fit_of(()), [], None) == []
+    assert search.last is None
