@@ -124,7 +124,10 @@ class RobotSearch(Steps):
             fit = self.replayed(refined)
             gains = [self._of_pair(name, fit, tried) for name in pair.names]
             worse = self._whole_square(fit) > WORSE * self._whole_square(now)
-            if all(self._holds(gain, fit) for gain in gains) and not worse:
+            more = alone.cost - fit.cost
+            if worse or any(more < BESIDE * gain.inflation for gain in gains):
+                continue
+            if all(self._holds(gain, fit) for gain in gains):
                 self.around(fit)
                 return gains
         if pairs:

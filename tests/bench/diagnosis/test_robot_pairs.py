@@ -91,6 +91,7 @@ def test_a_pair_begins_beside_what_is_taken():
     ("search", "tried"),
     [
         (Pairing(70.0 + 0.9 * BESIDE), [single("backlash@tibia", 70.0)]),
+        (Pairing(70.0 + 0.9 * ENOUGH_OF_BOTH), [single("backlash@tibia", 70.0)]),
         (Pairing(400.0, at_once=70.0 + 0.9 * BESIDE), [single("backlash@tibia", 70.0)]),
         (Pairing(400.0), [single(SPRING, 400.0 - 0.9 * ENOUGH_OF_BOTH)]),
         (Pairing(400.0, settled=400.0 - 0.9 * ENOUGH_OF_BOTH), []),
