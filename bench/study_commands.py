@@ -29,7 +29,7 @@ def study(
 ) -> None:
     """Put one of the open questions to the whole bench.
 
-    The thesis's own, on eight robots of another physics engine (an hour or two):
+    The thesis's own, on eight robots of another physics engine (some two hours):
 
         busemu study stance
 
