@@ -66,14 +66,15 @@ class RobotSearch(Steps):
                 base = base if now.names else now
                 tried.append(fitted)
                 sought = sought.after(fitted)
-                found = [] if chosen is None else [chosen]
-                if not taken and (pair := self._together(sought.pairs, now, fitted, chosen)):
-                    found, tried = pair, [(pair[0], *fitted), (pair[1],)]
-                if not found:
-                    break
-                taken += found
-                now = taken[-1].fit
-                if len(taken) >= most or done(now):
+                bare = now
+                if chosen is not None:
+                    now, taken = chosen.fit, [*taken, chosen]
+                if len(tried) == 1:
+                    pair = self._together(sought.pairs, bare, fitted, chosen)
+                    if pair:
+                        now, taken = pair[-1].fit, pair
+                        tried = [(pair[0], *fitted), (pair[1],)]
+                if now is bare or len(taken) >= most or done(now):
                     break
                 ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
             now, taken, tried = self._exchanged(now, taken, tried)

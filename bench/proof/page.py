@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.files import write_text
+from bench.pages import STYLE
 
 from .judging import Judged
 from .rivals import METHODS
@@ -29,18 +30,8 @@ CAPTIONS = {
     "robots_confusion": "Whole robots: what is hidden (rows) and what is named first (columns).",
     "robots_failures": "Whole robots: the surest wrong names, in the joint that is left worst.",
 }
-STYLE = """
-:root { color-scheme: light dark; --ink: #22272e; --paper: #fff; --line: #d5d9df; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #dfe3e8; --paper: #15181c; --line: #3a4048; } }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
-  max-width: 68rem; margin: 2rem auto; padding: 0 1rem; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-td, th { padding: .2rem .7rem .2rem 0; border-bottom: 1px solid var(--line); text-align: left; }
+OWN = """
 .scroll { overflow-x: auto; max-height: 40rem; } .scroll td, .scroll th { font-size: 12px; }
-.great { color: #2e8b57; } .good { color: #b58900; } .no { color: #c0392b; }
-img { max-width: 100%; background: #fff; } figure { margin: 1.5rem 0; }
-figcaption { font-size: 13px; }
 """
 
 
@@ -51,7 +42,7 @@ def write_page(
     parts = [
         "<!doctype html><html lang='en'><meta charset='utf-8'>",
         "<meta name='viewport' content='width=device-width'>",
-        f"<title>Proof, seed {score['seed']}</title><style>{STYLE}</style>",
+        f"<title>Proof, seed {score['seed']}</title><style>{STYLE}{OWN}</style>",
         f"<h1>Proof of the diagnosis: seed {score['seed']}, {score['cases']} cases</h1>",
         f"<p>{_provenance(score)}</p>",
         _rows({name: score[name] for name in (*GOALS, *ROBOT_GOALS) if name in score}),

@@ -206,7 +206,12 @@ def diagnosis(
     """
     if not (folder / DIAGNOSIS).exists():
         _diagnose(robot, recordings, folder, title, say)
-    told: dict[str, Any] = json.loads((folder / DIAGNOSIS).read_text("utf-8"))
+    try:
+        told: dict[str, Any] = json.loads((folder / DIAGNOSIS).read_text("utf-8"))
+    except ValueError as error:
+        raise ValueError(
+            f"{folder / DIAGNOSIS}: {error}: delete it, and it is made again"
+        ) from None
     return told
 
 

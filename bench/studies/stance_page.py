@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
 
 from bench.files import write_text
+from bench.pages import STYLE, template
 
 from .stance_runs import Run
 
@@ -20,8 +19,13 @@ if TYPE_CHECKING:
 
 def write_page(out: Path, answers: Sequence[Answer], result: Mapping[str, Any]) -> None:
     """Write the page, whole or not at all; pictures and reports are named relative to it."""
-    page = _template().render(
-        result=result, answers=answers, hidden=hidden, named=named, proposed=proposed
+    page = template(__package__, "stance.html.j2").render(
+        style=Markup(STYLE),
+        result=result,
+        answers=answers,
+        hidden=hidden,
+        named=named,
+        proposed=proposed,
     )
     write_text(out / "index.html", page)
 
@@ -56,16 +60,8 @@ def named(diagnosis: Mapping[str, Any]) -> list[str]:
 def proposed(diagnosis: Mapping[str, Any]) -> list[str]:
     """A line for each experiment that would tell a cause from a rival."""
     return [
-        f"{one['experiment']} with {told}: tells {' from '.join(one['separates'])} apart with "
-        f"power {one['power']:.2f}"
+        f"{one['experiment']} with {told}, power {one['power']:.2f}, for "
+        f"{' or '.join(one['separates'])}"
         for one in diagnosis["next_experiment"]
         for told in [", ".join(f"{k} = {v}" for k, v in one["arguments"].items())]
     ]
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return environment.from_string(files(__package__).joinpath("stance.html.j2").read_text("utf-8"))

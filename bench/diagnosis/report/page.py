@@ -6,18 +6,16 @@ import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from bench.diagnosis.result import Cause, Diagnosis
 from bench.diagnosis.search import HELD_OUT, NEEDED
 
 from ...files import write_text
+from ...pages import template
 from . import telling, words
 from .inline import svg
 from .pictures import motion_picture, recordings_picture, regime_picture, time_picture
@@ -43,7 +41,7 @@ def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -
     """The page as text."""
     ranking = _ranking(diagnosis)
     listed = [row for row in ranking if row["taken"] or row["deflated_nats"] >= WORTH_A_LINE]
-    return _template().render(
+    return template(__package__, "page.html.j2").render(
         d=diagnosis,
         origin=origin,
         words=words,
@@ -65,15 +63,6 @@ def report_page(diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -
 def write_report(path: Path, diagnosis: Diagnosis, traces: Sequence[Trace], origin: Origin) -> None:
     """Write the page, whole or not at all. Raises ``OSError``."""
     write_text(path, report_page(diagnosis, traces, origin))
-
-
-@cache
-def _template() -> Template:
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    source = files(__package__).joinpath("page.html.j2").read_text("utf-8")
-    return environment.from_string(source)
 
 
 def _pictures(diagnosis: Diagnosis, traces: Sequence[Trace]) -> Mapping[str, Any]:

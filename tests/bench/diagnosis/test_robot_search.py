@@ -562,6 +562,18 @@ def test_what_is_sought_is_tried_at_every_step_as_the_steps_before_have_it():
     assert seen == [([f"sought {k}"], {f"sought {k}", f"asked {k}"}) for k in (0, 1)]
 
 
+def test_what_is_taken_stays_when_time_is_up_before_a_pair():
+    search = Stepping()
+
+    def late(*_):
+        raise OutOfTimeError("trying a pair")
+
+    search._together = late
+    found = search.run(base=fit_of(()))
+    assert [gain.name for gain in found.taken] == ["effect0@all"]
+    assert found.fit is found.taken[0].fit
+
+
 @pytest.mark.parametrize("most", [2, 3])
 def test_a_pair_is_tried_at_the_first_step_and_counts_as_two(most):
     search, asked = Stepping(), []

@@ -210,6 +210,14 @@ def test_diagnoses_that_are_there_are_not_made_again_and_the_key_is_told_last(tm
     assert asked == []
 
 
+def test_a_diagnosis_that_is_broken_is_told_by_its_file(tmp_path, diagnosed):
+    study(5, tmp_path, lambda stage: None)
+    broken = tmp_path / "run-3" / "joints" / "diagnosis.json"
+    broken.write_text("{")
+    with pytest.raises(ValueError, match=f"{broken}: .*delete it"):
+        study(5, tmp_path, lambda stage: None)
+
+
 def test_the_page_says_what_was_hidden_what_was_said_and_what_would_tell_more(tmp_path, diagnosed):
     study(5, tmp_path, lambda stage: None)
     page = (tmp_path / "index.html").read_text()
