@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from bench.diagnosis.report import words
 from bench.files import write_text
 from bench.pages import STYLE, template
 
@@ -45,15 +46,16 @@ def named(diagnosis: Mapping[str, Any]) -> list[str]:
     lines = []
     for cause in diagnosis["causes"]:
         sizes = [
-            f"{one['value']:.3g} ({one['ci95'][0]:.3g} to {one['ci95'][1]:.3g}) {one['unit']}"
+            f"{words.quantity(one['value'], one['unit'])} "
+            f"({words.number(one['ci95'][0])} to {words.number(one['ci95'][1])})"
             for one in cause["parameters"].values()
-            if one["value"] is not None and None not in one["ci95"]
         ]
-        kinds = sorted({joint.rpartition(".")[2] for joint in cause["scope"]})
         rivals = sorted({rival["effect"] for rival in cause["indistinguishable_from"]})
-        line = f"{cause['effect']} ({', '.join(kinds)}) {', '.join(sizes)}, "
-        line += f"probability {cause['probability']:.2f}"
-        lines.append(line + (f"; or {', '.join(rivals)}" if rivals else ""))
+        place = f" of {words.in_few(cause['scope'])}" if cause["scope"] else ""
+        line = f"{words.plain(cause['effect'])}{place}: "
+        line += f"{', '.join(sizes)}, probability {cause['probability']:.2f}"
+        instead = words.joined(map(words.plain, rivals), "or")
+        lines.append(line + (f"; or {instead}" if rivals else ""))
     return lines
 
 
@@ -61,7 +63,7 @@ def proposed(diagnosis: Mapping[str, Any]) -> list[str]:
     """A line for each experiment that would tell a cause from a rival."""
     return [
         f"{one['experiment']} with {told}, power {one['power']:.2f}, for "
-        f"{' or '.join(one['separates'])}"
+        f"{words.joined(map(words.plain, one['separates']), 'or')}"
         for one in diagnosis["next_experiment"]
         for told in [", ".join(f"{k} = {v}" for k, v in one["arguments"].items())]
     ]

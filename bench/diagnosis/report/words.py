@@ -188,7 +188,7 @@ def number(value: float | None, digits: int = 3) -> str:
         return "none"
     if math.isinf(value):
         return "infinite"
-    return f"{value:.{digits}g}"
+    return f"{float(f'{value:.{digits}g}'):g}"
 
 
 def quantity(value: float | None, unit: str) -> str:

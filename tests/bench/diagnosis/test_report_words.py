@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.diagnosis.report.words import in_few
+from bench.diagnosis.report.words import in_few, number
 
 SEGMENTS = ("coxa", "femur", "tibia")
 
@@ -32,3 +32,11 @@ def joints(legs, segments=SEGMENTS):
 )
 def test_many_joints_of_legs_are_told_in_few_words(names, told):
     assert in_few(names) == told
+
+
+@pytest.mark.parametrize(
+    ("value", "told"),
+    [(1535.97, "1540"), (0.17524, "0.175"), (62.0, "62"), (1.2345e7, "1.23e+07"), (2e-6, "2e-06")],
+)
+def test_numbers_of_thousands_are_told_as_people_write_them(value, told):
+    assert number(value) == told

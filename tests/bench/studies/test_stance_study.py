@@ -223,8 +223,8 @@ def test_the_page_says_what_was_hidden_what_was_said_and_what_would_tell_more(tm
     page = (tmp_path / "index.html").read_text()
     both = run_with(Cause.BOTH, 5)
     assert f"tips {both.tips_n_m:.0f} N/m, femurs and tibiae {both.joints_rad_nm:.2f}" in page
-    assert "foot_compliance (femur, tibia) 1.2e+03 (900 to 1.5e+03) N/m, probability 0.71" in page
-    assert "; or joint_compliance" in page
+    assert "foot compliance of leg1.femur and leg1.tibia: " in page
+    assert "1200 N/m (900 to 1500), probability 0.71; or joint compliance" in page
     assert "locomotion with trunk_load_kg = 0.15" in page
     for part in PARTS:
         for run in draw_runs(5):
