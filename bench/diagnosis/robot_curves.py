@@ -1,11 +1,14 @@
 """What placed effects do to the motions of a whole robot, replayed at a few sizes each.
 
-Between its replays a curve is interpolated; curves add up. All else is as believed in them.
+Between its replays a curve is interpolated; curves add up. All else is as believed in them, and so
+where a fit has come to, a curve goes as steeply as replays beside all that is fitted say
+(:meth:`Curves.bend`): beside soft tips a spring may do the opposite of what it does alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +24,22 @@ Rows = dict[RobotKind, Floats]
 GRID = (0.3, 1.0, 3.0, 8.0)  #: of a knob, in first tries, at which an effect is replayed
 FARTHER = 2.5  #: times the last of them that is replayed next, where a fit has come to the end
 LARGER = 8.0  #: times a first try that moves nothing, which is tried next
+NEAR = 0.1  #: step to either side for how steep a curve is, of a knob or its value
+BENT = 5.0  #: such steps as far as which that is believed
 LEAST_RAD = 0.3e-3  #: RMS of joint rows below which it moves nothing that one could compare
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bend:
+    """How much steeper a curve is than alone, for one unit of the knob, around ``z``."""
+
+    z: float
+    steeper: Floats
+    far: float  #: from ``z``, as far as which it is so
+
+    def at(self, z: float) -> Floats:
+        """What that adds to the curve."""
+        return self.steeper * float(np.clip(z - self.z, -self.far, self.far))
 
 
 class Curves:
@@ -40,6 +58,7 @@ class Curves:
         self._curves: dict[tuple[str, int], PchipInterpolator] = {}
         self._first: dict[str, float] = {}  #: first tries that were too small, as they are now
         self._beyond: dict[str, list[float]] = {}  #: knobs that were replayed beyond the grid
+        self._bends: dict[tuple[str, int], Bend] = {}
 
     def prepare(self, names: Sequence[str], motions: Sequence[int]) -> None:
         """Replay effects at their first tries."""
@@ -126,6 +145,27 @@ class Curves:
             )
         return self._curves[key]
 
+    def bend(
+        self,
+        settings: tuple[tuple[str, float], ...],
+        nuisances: tuple[float, ...],
+        motions: Sequence[int],
+    ) -> None:
+        """Let curves be as steep as replays around some settings and nuisances are."""
+        self._bends = {}
+        for k, (name, z) in enumerate(settings):
+            step = NEAR * max(1.0, abs(z))
+            low, high = np.clip([z - step, z + step], *self._placed[name].knob.bounds).tolist()
+            sides = [(*settings[:k], (name, x), *settings[k + 1 :]) for x in (low, high)]
+            jobs = [Job(m, s, nuisances=nuisances, short=True) for m in motions for s in sides]
+            found = [np.concatenate(list(rows.values())) for rows in self._run(jobs)]
+            for m, below, above in zip(motions, found[::2], found[1::2], strict=True):
+                curve = self._curve(name, m)
+                ends = np.clip([low, high], curve.x[0], curve.x[-1])
+                alone = curve(ends[1]) - curve(ends[0])
+                steeper = np.nan_to_num((above - below - alone) / (high - low))
+                self._bends[name, m] = Bend(z, steeper, BENT * step)
+
     def effects(self, m: int, settings: Sequence[tuple[str, float]]) -> Rows:
         """What effects together do to a motion, as the curves have it."""
         base = self._plain[m]
@@ -133,5 +173,7 @@ class Curves:
         for name, z in settings:
             curve = self._curve(name, m)
             total += curve(np.clip(z, curve.x[0], curve.x[-1]))
+            if (name, m) in self._bends:
+                total += self._bends[name, m].at(z)
         ends = np.cumsum([len(v) for v in base.values()])[:-1]
         return dict(zip(base, np.split(total, ends), strict=True))

@@ -6,6 +6,7 @@ that, until nothing is gained.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -122,9 +123,12 @@ class ExactFits:
         self.model.recentre(found.settings, found.nuisances, self.which)
 
     def replayed(self, found: RobotFit) -> RobotFit:
-        """A fit as it is, told anew by replays of that very robot."""
-        self.model.recentre(found.settings, found.nuisances, self.which)
-        return self.sight.at(found)
+        """A fit as it is, told anew by replays of that very robot.
+
+        One that the engine cannot run costs more than any other.
+        """
+        off_rad = self.model.recentre(found.settings, found.nuisances, self.which)
+        return self.sight.at(found) if math.isfinite(off_rad) else replace(found, cost=math.inf)
 
     def fitted(
         self, names: Sequence[str], start: Floats, noise: Mapping[RobotKind, Noise] | None

@@ -16,7 +16,7 @@ from sim.tree import Joint, PhysicalRobot
 from .nuisances import PUNCH, STALL
 from .result import Estimate as Found
 from .robot_effects import Placed
-from .robot_nuisances import TIPS, RobotNuisance, tip_of
+from .robot_nuisances import LATE, TIPS, RobotNuisance, later, tip_of
 
 FRICTION, GEARS = "friction", "gears"  #: nuisances of one joint's friction, and of that of all
 #: nuisances as effects, by the first word of their names: the effect and its parameter
@@ -28,7 +28,7 @@ PLACES = {
     "mass": ("link_mass", "scale"),
     "supply": ("supply_voltage", "scale"),
     "gain": ("gain_error", "scale"),
-    "late": ("transport_delay", "delay_s"),
+    LATE: ("transport_delay", "delay_s"),
     "grip": ("foot_slip", "scale"),
     PUNCH: ("punch_left_out", "share"),
 }
@@ -101,6 +101,20 @@ def of_room(nuisances: Sequence[RobotNuisance], z: Sequence[float]) -> list[Addi
     ]
 
 
+def where_recorded(
+    robot: PhysicalRobot, nuisances: Sequence[RobotNuisance], z: Sequence[float]
+) -> PhysicalRobot:
+    """The robot in the room and at the host of its recordings, which are in no robot's file.
+
+    That is ground as it was fitted, and goals that act sooner than replays take them to.
+    """
+    robot = with_all(robot, of_room(nuisances, z))
+    for nuisance, x in zip(nuisances, z, strict=False):
+        if nuisance.name == LATE and x < 0.0:
+            robot = later(robot, x * nuisance.deviation)
+    return robot
+
+
 def knob_of(
     base: PhysicalRobot, one: Placed, nuisance: RobotNuisance, deviations: float
 ) -> float | None:
@@ -133,8 +147,8 @@ def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addit
     elif where:
         places = (where,)
     value = effect(kind).parameter(parameter).off + x
-    if word == "late" and value <= 0.0:
-        return []  # a command that acts earlier than it is sent is the reading's, not the robot's
+    if word == LATE and value <= 0.0:
+        return []  # a command that acts sooner than believed is its host's, not the robot's
     return [_one(kind, parameter, value, places, told)]
 
 

@@ -19,7 +19,7 @@ from .gait import commanded_lift
 from .observed import held_at
 from .report.traces import Trace
 from .robot_features import Features, RobotKind
-from .robot_improved import of_nuisances, of_room, with_all
+from .robot_improved import of_nuisances, where_recorded, with_all
 from .robot_model import ENGINES_RAD, RobotModel
 from .robot_replay import Course, Track, loaded, play
 
@@ -88,12 +88,11 @@ def judge(
     """Replay recordings with a fit's nuisances and with effects beside them."""
     reading = Reading.of(model, z)
     ordinary = of_nuisances(model.base, model.nuisances, z.tolist(), "fitted")
-    room = of_room(model.nuisances, z.tolist())
     found = []
     for r in which:
         course = model.features[r].course
-        true = with_all(loaded(robot, course.condition), (*added, *ordinary, *room))
-        track = play(true, course)
+        true = with_all(loaded(robot, course.condition), (*added, *ordinary))
+        track = play(where_recorded(true, model.nuisances, z.tolist()), course)
         joints = range(len(course.position_rad))
         found.append(Judgement(course, tuple(reading.at(track, course, j) for j in joints)))
     return found

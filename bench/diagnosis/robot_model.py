@@ -182,7 +182,7 @@ class RobotModel:
     def retrace(
         self, settings: Sequence[tuple[str, float]], z: Floats, but: Collection[str] = ()
     ) -> None:
-        """Take what nuisances do from replays around effects and nuisances where a fit has led.
+        """Take what nuisances and knobs do from replays around them where a fit has led.
 
         The same small things move a robot otherwise that is changed much. What those do whose first
         word is in ``but`` stays as it was taken last. Play is left out: when teeth rattle is
@@ -190,7 +190,9 @@ class RobotModel:
         """
         at = replayable(self.nuisances, z)
         quiet = tuple((name, x) for name, x in settings if not _is_play(name))
-        self.traces = self._traces(quiet, tuple(at.tolist()) if at.any() else (), but)
+        there = tuple(at.tolist()) if at.any() else ()
+        self.traces = self._traces(quiet, there, but)
+        self.curves.bend(quiet, there, sorted(set(self._like)))
 
     def _traces(
         self, settings: Settings, at: tuple[float, ...], but: Collection[str] = ()

@@ -23,6 +23,7 @@ from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
 from .nuisances import PUNCH, SHARE, STALL, WITHIN, Reaching
+from .robot_replay import LATE_S
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
 #: deviations that a zero may take: one that was set a tooth aside is no finding here; assumed
 ZERO_WITHIN = 4.0
 
+LATE = "late"  #: nuisance of when commands act, beside what replays take for that
 TIPS = "tips"  #: nuisance of feet that are not rigid
 TIP_KG = 0.07  #: on a tip that touches the ground, for its damping; assumed: a tibia's share
 
@@ -123,6 +125,14 @@ def _of_all(change: Callable[[DriveParameters, float], DriveParameters]) -> Chan
         return replace(robot, joints=joints)
 
     return changed
+
+
+def later(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    """The robot whose goals all act so much later [s] than believed: sooner, if that is negative.
+
+    A replay's act ``LATE_S`` after they were sent, so that some of them may act sooner.
+    """
+    return _of_all(lambda drive, s: replace(drive, delay_s=drive.delay_s + s))(robot, x)
 
 
 def _supply(robot: PhysicalRobot, x: float) -> PhysicalRobot:
@@ -235,6 +245,8 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
             one = RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same)
             if trial.name == TIPS:
                 one = replace(one, least=0.0, idle=_of_each_leg(robot, "foot_compliance"))
+            elif trial.name == LATE:
+                one = replace(one, least=-LATE_S / deviation)  # none acts before it is sent
             elif trial.name == STALL:
                 lost = max(joint.drive.lost_at_stall for joint in robot.joints)
                 one = replace(one, deviation=lost, reach=0.0, least=-1.0)
@@ -250,12 +262,8 @@ READ = frozenset({"reading", "sampling", "turn"})
 
 
 def replayable(nuisances: Sequence[RobotNuisance], z: Floats) -> Floats:
-    """Values that a replay can have; 0 where it cannot (a command cannot act before it comes)."""
-    words = [nuisance.name.split()[0] for nuisance in nuisances]
-    able = [
-        word not in READ and (word != "late" or x > 0.0)
-        for word, x in zip(words, z.tolist(), strict=True)
-    ]
+    """Values that a replay has: 0 of what is only read otherwise."""
+    able = [nuisance.name.split()[0] not in READ for nuisance in nuisances]
     return np.where(able, z, 0.0)
 
 
@@ -291,7 +299,7 @@ COMMON = {
     "tilt": ("rad", math.radians(1.0) / ROOT3, "tilt up to 1 deg"),
     "supply": ("(ratio)", 0.02, "battery from charge to charge; assumed"),
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
-    "late": ("s", 0.001, "a host's adapter; assumed"),
+    LATE: ("s", 0.001, "a host's adapter; assumed"),
     "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
     "motors": ("(ratio)", 0.10 / ROOT3, "motors of one make: +-10 %"),
     STALL: ("(ratio)", 0.06, "whether a stall torque is told with friction or before it; assumed"),
@@ -308,7 +316,7 @@ SAME = {
     **{f"tilt {axis}": (f"ground_tilt.{axis}@all",) for axis in ("pitch", "roll")},
     "supply": ("supply_voltage@all",),
     "gain": ("gain_error@all",),
-    "late": ("transport_delay@all",),
+    LATE: ("transport_delay@all",),
     "grip": ("foot_slip@all",),
     TIPS: ("foot_compliance@all",),
     "motors": ("torque_constant@all",),
@@ -349,7 +357,7 @@ def _changes(robot: PhysicalRobot) -> list[Trial]:
     found.append(Trial(STALL, -0.05, _of_effect(STALL, "scale", (), over=1.0)))
     found.append(Trial("gears", 0.2, _of_all(_friction)))
     found.append(Trial(PUNCH, 0.5, _of_all(_punch)))
-    found.append(Trial("late", 0.002, _of_effect("transport_delay", "delay_s", ())))
+    found.append(Trial(LATE, 0.002, later))
     found.append(Trial(TIPS, 2e-5, _tips))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
     return found

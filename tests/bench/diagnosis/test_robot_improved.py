@@ -13,10 +13,11 @@ from bench.diagnosis.robot_improved import (
     of_nuisances,
     of_room,
     of_settings,
+    where_recorded,
     with_all,
     write_model,
 )
-from bench.diagnosis.robot_nuisances import nuisances, replayable, trials, with_nuisances
+from bench.diagnosis.robot_nuisances import LATE, nuisances, replayable, trials, with_nuisances
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -74,12 +75,14 @@ def test_what_all_joints_have_in_common_changes_all_of_them(word):
         assert own.drive != believed().joints[0].drive
 
 
-def test_the_file_is_the_robot_that_was_replayed_whatever_its_nuisances():
+@pytest.mark.parametrize("late", [1.0, -1.0])
+def test_the_file_where_it_was_recorded_is_the_robot_that_was_replayed(late):
     z = np.random.default_rng(3).normal(0.0, 0.8, len(every()))
     z = np.clip(z, *np.array([n.ends for n in every()]).T)
+    z[[n.name for n in every()].index(LATE)] = late
     wanted = with_nuisances(believed(), every(), replayable(every(), z).tolist())
-    added = (*of_nuisances(believed(), every(), z.tolist(), TOLD), *of_room(every(), z.tolist()))
-    found = with_all(believed(), added)
+    told = with_all(believed(), of_nuisances(believed(), every(), z.tolist(), TOLD))
+    found = where_recorded(told, every(), z.tolist())
     for own, expected in zip(found.joints, wanted.joints, strict=True):
         one, other = own.drive.friction, expected.drive.friction
         assert one.coulomb_nm == pytest.approx(other.coulomb_nm)

@@ -10,6 +10,7 @@ from bench.diagnosis.robot_features import MEANS, RobotKind
 from bench.diagnosis.robot_fit import Sight
 from bench.diagnosis.robot_gains import NEEDED
 from bench.diagnosis.robot_model import RATTLES, RobotModel
+from bench.diagnosis.robot_nuisances import replayable
 from bench.diagnosis.robot_pool import Job
 from bench.diagnosis.robot_screen import Screen
 from bench.diagnosis.robot_shaking import ENGINES_SHAKING
@@ -246,3 +247,15 @@ def test_what_nuisances_do_is_taken_where_a_fit_has_led(model):
     one, two = model._run([Job(m, soft, short=True), Job(m, soft, trial="gain", short=True)])
     moved = (two[RobotKind.JOINTS] - one[RobotKind.JOINTS]) / trial.size
     assert after == pytest.approx(moved * model.nuisances[k].deviation)
+
+
+def test_where_what_nuisances_do_is_asked_so_is_what_knobs_do_but_for_play(model, monkeypatch):
+    asked, traces = [], model.traces
+    monkeypatch.setattr(model, "_traces", lambda *_: traces)
+    monkeypatch.setattr(model.curves, "bend", lambda *told: asked.append(told))
+    heavy, loose = ("payload@all", 2.0), ("backlash@tibia", 1.0)
+    z = np.full(len(model.nuisances), 0.5)
+    able = tuple(replayable(model.nuisances, z).tolist())
+    model.retrace((heavy, loose), z)
+    model.retrace((heavy,), 0.0 * z)
+    assert asked == [((heavy,), able, [0]), ((heavy,), (), [0])]

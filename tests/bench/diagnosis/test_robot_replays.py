@@ -7,13 +7,15 @@ from walking_robots import believed, marvin, recorded_walk, walked
 from bench.diagnosis.robot_effects import placed_effects
 from bench.diagnosis.robot_features import Features
 from bench.diagnosis.robot_nuisances import (
+    LATE,
     READ,
+    later,
     nuisances,
     replayable,
     trials,
     with_nuisances,
 )
-from bench.diagnosis.robot_replay import Jitter, _acts_s, course, loaded, play
+from bench.diagnosis.robot_replay import LATE_S, Jitter, _acts_s, course, loaded, play
 from bench.recording import Recording, RecordingError
 from sim.drive import fields
 
@@ -125,8 +127,6 @@ def test_nuisances_of_a_replay_are_those_it_can_have():
     ones = np.ones(len(every))
     able = {n.name.split()[0] for n, x in zip(every, replayable(every, ones), strict=True) if x}
     assert able == {n.name.split()[0] for n in every} - READ
-    early = dict(zip([n.name for n in every], replayable(every, -ones), strict=True))
-    assert early["late"] == 0.0
     assert with_nuisances(believed(), every, np.zeros(len(every)).tolist()) == believed()
 
 
@@ -138,16 +138,18 @@ def test_a_joints_own_nuisance_is_on_that_joint_alone():
     assert own == ["leg2.femur"]
 
 
-def test_a_goal_that_comes_late_moves_a_robot_later(plain):
-    from sim.effects import effect  # noqa: PLC0415
-
-    late_s = 0.01
-    late = effect("transport_delay").apply(believed(), (), {"delay_s": late_s})
-    track = play(late, walked())
+@pytest.mark.parametrize("late_s", [0.01, -0.001])
+def test_a_goal_that_comes_late_moves_a_robot_later_and_one_that_comes_soon_sooner(plain, late_s):
+    track = play(later(believed(), late_s), walked())
     features = Features.of(walked(), marvin())
     moved = features.of_track(track)[0] - features.of_track(plain)[0]
     speed, _ = features.speeds(plain)
     assert -(speed @ moved) / (speed @ speed) == pytest.approx(late_s, rel=0.3)
+
+
+def test_no_goal_acts_before_it_is_sent():
+    (late,) = (n for n in nuisances(believed(), 0.005) if n.name == LATE)
+    assert late.ends == (pytest.approx(-LATE_S / late.deviation), late.reach)
 
 
 def test_goals_are_late_until_their_joint_is_switched_on():

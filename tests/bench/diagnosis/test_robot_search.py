@@ -439,6 +439,25 @@ def test_shares_of_the_way_are_tried_until_one_is_better_than_where_it_began():
     assert search.settle(search.fitted(("a",), begun.z, {}), begun).z == [6.0 * SHARES[-1]]
 
 
+@pytest.mark.parametrize("stiff", [True, False])
+def test_a_robot_that_no_engine_can_run_costs_more_than_any(stiff):
+    off_rad = float("inf") if stiff else 1e-4
+    search = Beginning()
+    search.model.recentre = lambda *_: off_rad
+    search.sight = SimpleNamespace(at=lambda found: replace(found, cost=-50.0))
+    asked = RobotFit(("a",), np.array([1.0]), {}, -99.0)
+    assert ExactFits.replayed(search, asked).cost == (np.inf if stiff else -50.0)
+
+
+def test_of_a_way_into_what_no_engine_can_run_the_rest_is_gone():
+    search = Leading(6.0)
+    search.cost = lambda z: np.inf if z > 3.0 else 10.0 - z
+    begun = search.replayed(RobotFit(("a",), np.array([0.0]), {}, 0.0))
+    found = search.settle(search.fitted(("a",), begun.z, {}), begun)
+    assert 0.0 < found.z[0] <= 3.0
+    assert np.isfinite(found.cost)
+
+
 def test_what_is_nowhere_better_than_it_was_stays():
     search = Leading(1.0)
     begun = search.replayed(RobotFit(("a",), np.array([1.0]), {}, 0.0))
