@@ -60,9 +60,13 @@ class Sought:
         return cls(sight, springs | limits, tuple(pairs))
 
     def beside(self, now: RobotFit, promised: Sequence[RobotGain]) -> list[RobotGain]:
-        """What is promised, and what is sought of which nothing is; best first."""
+        """What is promised, and what is sought of which nothing is; best first.
+
+        Much of what is there already at some of the same places is not sought beside it.
+        """
         found = [g for g in promised if g.name not in self.at or not self._unpromised(g)]
-        for name in sorted(self.at.keys() - {*now.names, *(gain.name for gain in found)}):
+        here = {name for name in self.at if any(self._again(name, own) for own in now.names)}
+        for name in sorted(self.at.keys() - here - {gain.name for gain in found}):
             fit = replace(now, names=(*now.names, name), z=np.append(now.z, self.at[name]))
             found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
         return levelled(found)
@@ -80,6 +84,14 @@ class Sought:
             if self._limit(gain.name) and gain.deflated >= NEEDED:
                 found[gain.name] = float(gain.fit.knobs[-1])
         return replace(self, at=found)
+
+    def _again(self, name: str, own: str) -> bool:
+        """Whether two are one effect, at some joint both."""
+        one, other = (self.sight.model.placed[each] for each in (name, own))
+        if one.effect is not other.effect:
+            return False
+        anywhere = not one.where or not other.where
+        return anywhere or not set(one.where).isdisjoint(other.where)
 
     def _limit(self, name: str) -> bool:
         return bool(self.sight.model.placed[name].levels)

@@ -40,9 +40,11 @@ def begun(found):
 def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
     first, *rest = sorted(SPRINGS)
     sought = Sought.much(sight(), [*SPRINGS, "payload@all"])
-    found = sought.beside(fit("tips@all"), [gain("payload@all", 30.0), gain(first, 1.0)])
+    found = sought.beside(fit("foot_compliance@all"), [gain("payload@all", 30.0), gain(first, 1.0)])
     assert begun(found) == {"payload@all": 1.0, first: 1.0, **dict.fromkeys(rest, MUCH)}
-    assert {one.fit.names for one in found if one.name in rest} == {("tips@all", n) for n in rest}
+    assert {one.fit.names for one in found if one.name in rest} == {
+        ("foot_compliance@all", n) for n in rest
+    }
     assert sought.asked(found) == SPRINGS
 
 
@@ -66,10 +68,24 @@ def test_a_spring_that_did_much_worse_than_nothing_is_not_tried_again():
     assert after.at.keys() == SPRINGS - {first}
 
 
-def test_a_spring_that_is_named_is_not_tried_again():
-    first, *rest = sorted(SPRINGS)
-    found = Sought.much(sight(), SPRINGS).beside(fit(first), [])
-    assert begun(found).keys() == set(rest)
+@pytest.mark.parametrize(
+    ("named", "rest"),
+    [
+        ("joint_compliance@all", set()),
+        ("joint_compliance@femur+tibia", set()),
+        ("joint_compliance@femur", {"joint_compliance@tibia"}),
+        ("foot_compliance@all", SPRINGS),
+    ],
+)
+def test_a_spring_is_not_tried_again_where_one_is_named(named, rest):
+    found = Sought.much(sight(), SPRINGS).beside(fit("payload@all", named), [])
+    assert begun(found).keys() == rest
+
+
+def test_a_spring_that_promises_something_is_tried_wherever_one_is_named():
+    some = [replace(gain("joint_compliance@tibia", 9.0), fit=fit("joint_compliance@tibia"))]
+    found = Sought.much(sight(), SPRINGS).beside(fit("joint_compliance@all"), some)
+    assert begun(found) == {"joint_compliance@tibia": 1.0}
 
 
 def test_limits_that_promise_anything_are_tried_among_however_many_that_promise_more():
