@@ -56,6 +56,7 @@ class RobotSearch(Steps):
         now = base
         taken: list[RobotGain] = []
         tried: list[tuple[RobotGain, ...]] = []
+        alone: list[tuple[RobotGain, ...]] = []  # that a pair was better than: in place of none
         sought = self._sought(wanted)
         try:
             while len(taken) < most:
@@ -73,7 +74,7 @@ class RobotSearch(Steps):
                     pair = self._together(sought.pairs, bare, fitted, chosen)
                     if pair:
                         now, taken = pair[-1].fit, pair
-                        tried = [(pair[0], *fitted), (pair[1],)]
+                        tried, alone = [(pair[0],), (pair[1],)], [fitted]
                 if now is bare or len(taken) >= most or done(now):
                     break
                 ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
@@ -86,7 +87,7 @@ class RobotSearch(Steps):
         pruned, taken = self._prune(now, taken)
         now = now if pruned is now else self.settle(pruned)
         now, taken = self._standing(base, now, taken)
-        return RobotFindings(base, now, tuple(taken), tuple(tried), alike, screened)
+        return RobotFindings(base, now, tuple(taken), (*tried, *alone), alike, screened)
 
     def _sought(self, names: Collection[str]) -> Sought:
         return Sought.much(self.sight, names)
