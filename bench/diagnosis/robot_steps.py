@@ -57,6 +57,7 @@ class Steps(ExactFits):
         What it gains over is fitted again from where the best of them has led. The best is first.
         """
         tried = self._tried(now, promised, named)
+        self.around(now)  # what is left out is asked where it is known what all does
         plain, begun = self._left_out(now), self._whole_square(now)
         few = [self._with(gain, now, self._further(gain), plain) for gain in tried[:BEST]]
         chosen = self._best(few, now, begun)
@@ -73,8 +74,9 @@ class Steps(ExactFits):
             again = self.thoroughly(now.names, now.knobs, now.noise, nuisances)
             if again.cost > now.cost - ENOUGH:
                 break
-            now, plain = again, self._left_out(again)
-            few = [self._with(gain, now, gain.fit, plain) for gain in few]
+            left = self._left_out(again)
+            few = [self._over(gain, now, again, plain, left) for gain in few]
+            now, plain = again, left
             chosen = self._best(few, now, self._whole_square(now))
         behind = [few[0].nats + tried[0].fit.cost - gain.fit.cost for gain in tried[BEST:]]
         rest = [replace(g, nats=nats) for g, nats in zip(tried[BEST:], behind, strict=True)]
@@ -138,6 +140,16 @@ class Steps(ExactFits):
         """A gain by exact replays; ``plain`` is what left-out recordings make of ``now``."""
         outside = None if plain is None else plain - (self._left_out(exact) or 0.0)
         return replace(gain, fit=exact, nats=now.cost - exact.cost, held_out=outside)
+
+    @staticmethod
+    def _over(
+        gain: RobotGain, before: RobotFit, now: RobotFit, plain: float | None, again: float | None
+    ) -> RobotGain:
+        """A gain over another fit without it; ``plain`` and ``again``: on groups left out."""
+        outside = gain.held_out
+        if outside is not None and plain is not None and again is not None:
+            outside += again - plain
+        return replace(gain, nats=gain.nats + now.cost - before.cost, held_out=outside)
 
     def _from_far(self, found: RobotFit) -> RobotFit:
         """An exact fit, or that from a large try of its last effect, if that is deeper.

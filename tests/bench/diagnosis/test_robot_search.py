@@ -342,6 +342,27 @@ def test_what_is_ordinary_may_begin_where_an_effect_has_led():
         assert search.last is (now if taken is None else taken.fit)
 
 
+def test_groups_left_out_are_asked_of_a_fit_where_it_is_known_what_all_does_there():
+    search, asked = Exact({}), []
+    search._left_out = lambda found: asked.append((found.names, search.last)) or found.cost
+    taken, *_ = chosen(search, gains(30.0, 20.0), begun := fit("", 0.0))
+    assert asked[0] == ((), begun)
+    assert asked[0][1] is begun
+    assert taken.held_out == 30.0
+
+
+def test_where_what_is_ordinary_does_better_a_gain_is_over_that_on_groups_left_out_too():
+    search, asked = Exact({}, ordinary=10.0), []
+    costs = {(): iter((100.0, 93.0))}
+    search._left_out = lambda found: (
+        asked.append(found.names) or next(costs.setdefault(found.names, iter((60.0, 60.0, np.nan))))
+    )
+    taken, now, _ = chosen(search, gains(30.0))
+    assert (taken.nats, now.cost) == (20.0, -10.0)
+    assert taken.held_out == 93.0 - 60.0
+    assert asked.count(("effect0@all",)) == 2  # once from afar, and not again where traces are new
+
+
 def test_where_nothing_holds_what_is_ordinary_stays_as_it_was():
     search, begun = Exact({}, ordinary=99.0), fit("", 0.0)
     assert chosen(search, gains(0.9 * NEEDED), begun) == (None, begun, ())
