@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .rivals import CLOSE
-from .robot_effects import leg_of
+from .robot_effects import Placed, leg_of
 from .robot_fit import ENOUGH, RobotFit
 from .robot_gains import NEEDED, RobotFindings, RobotGain
 from .robot_screen import Screen, stretched, worth_fitting
@@ -79,6 +80,7 @@ class RobotSearch(Steps):
                     break
                 ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
             now, taken, tried = self._exchanged(now, taken, tried)
+            now, taken, tried = self._united(now, taken, tried)
         except OutOfTimeError:
             self.around(now)  # what was taken until then is told
         alike = {
@@ -173,6 +175,59 @@ class RobotSearch(Steps):
             tried[k] = (better, *(each for each in tried[k] if each is not other))
         self.around(now)
         return now, taken, tried
+
+    def _united(
+        self, now: RobotFit, taken: Sequence[RobotGain], tried: Sequence[tuple[RobotGain, ...]]
+    ) -> tuple[RobotFit, list[RobotGain], list[tuple[RobotGain, ...]]]:
+        """One effect that was taken at two places as one at both, where that does as well.
+
+        What is soft in femurs and in tibiae was found in one of them first. The fit, what is taken,
+        what was tried.
+        """
+        taken, tried = list(taken), list(tried)
+        for one, other in combinations(taken, 2):
+            name = self._at_both(one.name, other.name)
+            if name is None:
+                continue
+            self._say(f"trying {name} in place of {one.name} and {other.name}")
+            knobs = dict(now.settings)
+            knob = 0.5 * (knobs.pop(one.name) + knobs.pop(other.name))
+            every = np.array([*knobs.values(), knob])
+            fit = self.thoroughly((*knobs, name), every, now.noise, now.nuisances)
+            wide = self.sight.inflation(fit, name)
+            if (fit.cost - now.cost) / wide >= NEEDED:
+                self.around(now)
+                continue
+            outside = None
+            if one.held_out is not None and other.held_out is not None:
+                outside = one.held_out + other.held_out
+            nats = one.nats + other.nats + now.cost - fit.cost
+            both = RobotGain(name, fit, nats, wide, outside)
+            k, gone = taken.index(one), taken.index(other)
+            taken[k], tried[k] = both, (both, *tried[k])
+            tried.append(tried.pop(gone))  # a step of nothing that is taken
+            del taken[gone]
+            self.around(fit)
+            return fit, taken, tried
+        return now, taken, tried
+
+    def _at_both(self, one: str, other: str) -> str | None:
+        """The effect that two of one kind are at both their places, if that is one of its own."""
+        first, second = self.model.placed[one], self.model.placed[other]
+        if first.effect is not second.effect or first.parameter is not second.parameter:
+            return None
+        alike = [
+            (name, placed)
+            for name, placed in self.model.placed.items()
+            if placed.effect is first.effect and placed.parameter is first.parameter
+        ]
+        joints = [joint.name for joint in self.model.base.joints]
+
+        def where(placed: Placed) -> frozenset[str]:
+            return frozenset(placed.where or joints)
+
+        both = where(first) | where(second)
+        return next((name for name, placed in alike if where(placed) == both), None)
 
     def screen(self, now: RobotFit) -> Screen:
         """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""

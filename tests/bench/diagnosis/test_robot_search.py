@@ -602,6 +602,12 @@ def test_what_is_sought_is_tried_at_every_step_as_the_steps_before_have_it():
     assert seen == [([f"sought {k}"], {f"sought {k}", f"asked {k}"}) for k in (0, 1)]
 
 
+def test_what_is_one_at_two_places_is_told_as_one():
+    search = Stepping()
+    search._united = lambda now, taken, tried: (now, taken[:1], tried)
+    assert [gain.name for gain in search.run(most=2, base=fit_of(())).taken] == ["effect0@all"]
+
+
 def test_what_is_taken_stays_when_time_is_up_before_a_pair():
     search = Stepping()
 
