@@ -18,6 +18,8 @@ SPRINGS = frozenset(
 #: limits that are looked for likewise, from the middle one of their levels: femurs carry the robot
 LIMITS = frozenset({"torque_limit@all", "torque_limit@femur"})
 
+LITTLE = 0.5  #: of much of a spring, below which much is tried as well
+
 #: what is looked for together, as both give under the same load and neither shows without the other
 PAIRS = (("joint_compliance@femur+tibia", "foot_compliance@all"),)
 SOFT = 3.0  #: of tips beside a spring, in first tries, where a fit begins
@@ -62,11 +64,13 @@ class Sought:
     def beside(self, now: RobotFit, promised: Sequence[RobotGain]) -> list[RobotGain]:
         """What is promised, and what is sought of which nothing is; best first.
 
+        Of a spring of which little is promised much is sought as well: there are two gains of it.
         Much of what is there already at some of the same places is not sought beside it.
         """
         found = [g for g in promised if g.name not in self.at or not self._unpromised(g)]
         here = {name for name in self.at if any(self._again(name, own) for own in now.names)}
-        for name in sorted(self.at.keys() - here - {gain.name for gain in found}):
+        enough = {gain.name for gain in found if not self._little(gain)}
+        for name in sorted(self.at.keys() - here - enough):
             fit = replace(now, names=(*now.names, name), z=np.append(now.z, self.at[name]))
             found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
         return levelled(found)
@@ -84,6 +88,11 @@ class Sought:
             if self._limit(gain.name) and gain.deflated >= NEEDED:
                 found[gain.name] = float(gain.fit.knobs[-1])
         return replace(self, at=found)
+
+    def _little(self, gain: RobotGain) -> bool:
+        """Whether that is a spring of which much less is promised than is sought."""
+        much = self.at.get(gain.name, 0.0)
+        return not self._limit(gain.name) and float(gain.fit.knobs[-1]) < LITTLE * much
 
     def _again(self, name: str, own: str) -> bool:
         """Whether two are one effect, at some joint both."""

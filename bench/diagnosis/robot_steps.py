@@ -89,7 +89,7 @@ class Steps(ExactFits):
         """What promises most, and what stands for a tolerance at its end (``named``); best first.
 
         Fits begin as believed but for what is taken, and with what nuisances do there: promises are
-        wrong by more than what they are of.
+        wrong by more than what they are of. What is promised twice is begun twice.
         """
         beyond = self._beyond(now)
         most = sorted(promised, key=lambda gain: -gain.nats)[:PROMISED]
@@ -101,7 +101,8 @@ class Steps(ExactFits):
                 with self.model.following():
                     fit = self.begun(gain.fit.names, knobs, now.noise)
                 tried.append(replace(gain, fit=fit))
-        return sorted(tried, key=lambda gain: gain.fit.cost)
+        best = {gain.name: gain for gain in sorted(tried, key=lambda gain: -gain.fit.cost)}
+        return sorted(best.values(), key=lambda gain: gain.fit.cost)
 
     def _further(self, gain: RobotGain) -> RobotFit:
         """A gain's fit with what nuisances do where it has come to."""

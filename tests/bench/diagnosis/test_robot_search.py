@@ -331,6 +331,16 @@ def test_what_is_taken_is_looked_for_from_far_too(found_there):
     assert any(taken is gain for gain in found)  # by which its rivals are found
 
 
+@pytest.mark.parametrize("much", [20.0, 50.0])
+def test_of_what_is_begun_twice_the_better_is_tried(much):
+    (little,) = gains(30.0)
+    more = replace(little, fit=replace(little.fit, z=np.array([8.0])))
+    search = Exact({}, found_there=much)
+    taken, _, found = chosen(search, [more, little])
+    assert taken.nats == max(much, 30.0)
+    assert len(found) == 1
+
+
 def test_what_is_ordinary_may_begin_where_an_effect_has_led():
     for ordinary, left in ((0.0, 30.0), (10.0, 20.0), (30.0 - 0.9 * NEEDED, None)):
         some = gains(30.0, 5.0)

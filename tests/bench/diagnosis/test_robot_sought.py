@@ -9,7 +9,7 @@ import pytest
 from bench.diagnosis.robot_effects import LEVELS, placed_effects
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import HOPELESS, NEEDED, RobotGain
-from bench.diagnosis.robot_sought import LIMITS, PAIRS, SOFT, SPRINGS, Pair, Sought
+from bench.diagnosis.robot_sought import LIMITS, LITTLE, PAIRS, SOFT, SPRINGS, Pair, Sought
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -40,12 +40,29 @@ def begun(found):
 def test_much_of_every_spring_is_tried_or_as_much_as_is_promised():
     first, *rest = sorted(SPRINGS)
     sought = Sought.much(sight(), [*SPRINGS, "payload@all"])
-    found = sought.beside(fit("foot_compliance@all"), [gain("payload@all", 30.0), gain(first, 1.0)])
-    assert begun(found) == {"payload@all": 1.0, first: 1.0, **dict.fromkeys(rest, MUCH)}
+    enough = gain(first, 1.0, z=1.1 * LITTLE * MUCH)
+    found = sought.beside(fit("foot_compliance@all"), [gain("payload@all", 30.0), enough])
+    knobs = {"payload@all": 1.0, first: 1.1 * LITTLE * MUCH}
+    assert begun(found) == {**knobs, **dict.fromkeys(rest, MUCH)}
+    assert len(found) == len(begun(found))
     assert {one.fit.names for one in found if one.name in rest} == {
         ("foot_compliance@all", n) for n in rest
     }
     assert sought.asked(found) == SPRINGS
+
+
+def test_of_a_spring_of_which_little_is_promised_both_are_tried():
+    first, *_ = sorted(SPRINGS)
+    little = gain(first, 30.0, z=0.9 * LITTLE * MUCH)
+    found = Sought.much(sight(), [first]).beside(fit("foot_compliance@all"), [little])
+    assert {float(one.fit.knobs[-1]) for one in found} == {0.9 * LITTLE * MUCH, MUCH}
+    assert [one.name for one in found] == [first, first]
+
+
+def test_a_limit_is_begun_where_it_promises_something_and_nowhere_else():
+    promised = gain(LIMIT, 9.0 * NEEDED, z=0.1)
+    (found,) = Sought.much(sight(), [LIMIT]).beside(fit("gain_error@all"), [promised])
+    assert found.fit is promised.fit
 
 
 def test_soft_tips_are_sought_beside_soft_joints_where_both_are_looked_at():
@@ -86,6 +103,7 @@ def test_a_spring_that_promises_something_is_tried_wherever_one_is_named():
     some = [replace(gain("joint_compliance@tibia", 9.0), fit=fit("joint_compliance@tibia"))]
     found = Sought.much(sight(), SPRINGS).beside(fit("joint_compliance@all"), some)
     assert begun(found) == {"joint_compliance@tibia": 1.0}
+    assert len(found) == 1
 
 
 def test_limits_that_promise_anything_are_tried_among_however_many_that_promise_more():
