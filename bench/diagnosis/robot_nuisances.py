@@ -23,7 +23,6 @@ from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
 
 from .nuisances import PUNCH, SHARE, STALL, WITHIN, Reaching
-from .robot_replay import LATE_S
 
 Floats = NDArray[np.float64]
 
@@ -130,7 +129,7 @@ def _of_all(change: Callable[[DriveParameters, float], DriveParameters]) -> Chan
 def later(robot: PhysicalRobot, x: float) -> PhysicalRobot:
     """The robot whose goals all act so much later [s] than believed: sooner, if that is negative.
 
-    A replay's act ``LATE_S`` after they were sent, so that some of them may act sooner.
+    A replay's act 1.5 ms and up to a tick after they were sent, so that they may act 2 ms sooner.
     """
     return _of_all(lambda drive, s: replace(drive, delay_s=drive.delay_s + s))(robot, x)
 
@@ -245,8 +244,6 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
             one = RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same)
             if trial.name == TIPS:
                 one = replace(one, least=0.0, idle=_of_each_leg(robot, "foot_compliance"))
-            elif trial.name == LATE:
-                one = replace(one, least=-LATE_S / deviation)  # none acts before it is sent
             elif trial.name == STALL:
                 lost = max(joint.drive.lost_at_stall for joint in robot.joints)
                 one = replace(one, deviation=lost, reach=0.0, least=-1.0)

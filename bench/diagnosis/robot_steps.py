@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .nuisances import LATE_S
 from .robot_exact import ExactFits
 from .robot_features import MEANS, RobotKind
 from .robot_fit import ENOUGH, RobotFit
@@ -217,9 +218,14 @@ class Steps(ExactFits):
             total += sight.cost(sight.blocks(found.names, again.z, part), found.noise)
         return total
 
-    @staticmethod
-    def _holds(gain: RobotGain, now: RobotFit) -> bool:
-        if gain.deflated < (BESIDE if now.names else NEEDED):
+    def _within_ticks(self, gain: RobotGain) -> bool:
+        """Whether it is a time of less than a firmware's ticks may make, which nobody knows."""
+        placed = self.model.placed[gain.name]
+        knob = gain.fit.knobs[gain.fit.names.index(gain.name)]
+        return placed.parameter.unit == "s" and abs(placed.knob.value(float(knob))) < LATE_S
+
+    def _holds(self, gain: RobotGain, now: RobotFit) -> bool:
+        if self._within_ticks(gain) or gain.deflated < (BESIDE if now.names else NEEDED):
             return False
         outside = gain.held_out
         if outside is None or outside / gain.inflation > HELD_OUT:

@@ -31,7 +31,9 @@ class Pairing(RobotSearch):
     def __init__(self, gained, *, at_once=None, settled=0.0, outside=99.0, square=1.0):
         self.gained, self.at_once, self.settled = gained, at_once, settled
         self.outside, self.square = outside, square
-        self.model = SimpleNamespace(following=nullcontext)
+        anything = SimpleNamespace(parameter=SimpleNamespace(unit=""))
+        placed = dict.fromkeys(PAIR.names, anything)
+        self.model = SimpleNamespace(following=nullcontext, placed=placed)
         self.sight = SimpleNamespace(
             without=lambda fit, name: fit_of(n for n in fit.names if n != name),
             inflation=lambda fit, name: 2.0,

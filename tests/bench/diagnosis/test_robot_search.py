@@ -1,5 +1,6 @@
 """Which effects of a screening are fitted, and which tolerances are tried by name."""
 
+from collections import defaultdict
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -96,7 +97,9 @@ class Exact(RobotSearch):
 
     def __init__(self, squares, large=(), found_there=0.0, refined=None, ordinary=0.0):
         curves = SimpleNamespace(tries=lambda name: [1.0, *large])
-        self.model = SimpleNamespace(curves=curves, following=nullcontext)
+        anything = SimpleNamespace(parameter=SimpleNamespace(unit=""), knob=None)
+        placed = defaultdict(lambda: anything)
+        self.model = SimpleNamespace(curves=curves, following=nullcontext, placed=placed)
         self.more, self.ordinary = refined or {}, ordinary
         self.which, self.squares, self.said = [0], squares, []
         self.found_there, self.promised, self.last = found_there, {}, None
@@ -512,6 +515,17 @@ def test_what_gains_nothing_on_groups_left_out_must_gain_more_and_lose_little(
     search = Exact({})
     search._left_out = lambda fit: -outside if fit.names else 0.0
     assert (holding(search, gains(gained)) is not None) is holds
+
+
+@pytest.mark.parametrize(("delay_s", "holds"), [(1.1e-3, False), (2.4e-3, False), (2.6e-3, True)])
+def test_a_delay_within_a_firmwares_ticks_is_no_finding(delay_s, holds):
+    placed = placed_effects(read_model(load_robot("marvin")))
+    name = "transport_delay@femur"
+    z = placed[name].knob.at(delay_s)
+    late = RobotGain(name, RobotFit((name,), np.array([z]), {}, -99.0), 99.0, 1.0, 30.0)
+    search = Exact({})
+    search.model.placed = placed
+    assert search._holds(late, fit("", 0.0)) is holds
 
 
 def test_an_effect_beside_others_must_gain_more():
