@@ -129,7 +129,7 @@ def _of_all(change: Callable[[DriveParameters, float], DriveParameters]) -> Chan
 def later(robot: PhysicalRobot, x: float) -> PhysicalRobot:
     """The robot whose goals all act so much later [s] than believed: sooner, if that is negative.
 
-    A replay's act 1.5 ms and up to a tick after they were sent, so that they may act 2 ms sooner.
+    A replay's act ``robot_replay.LATE_S`` and up to a tick after they were sent: there is room.
     """
     return _of_all(lambda drive, s: replace(drive, delay_s=drive.delay_s + s))(robot, x)
 

@@ -112,10 +112,11 @@ class Answer:
 
     @property
     def word(self) -> str:
-        """Right, wrong, or undecided."""
+        """Right, wrong, or undecided. What is named beside tips and joints is hidden in none."""
         if self.undecided:
             return "undecided"
-        return "right" if self.cause is self.run.cause else "wrong"
+        alarm = self.effects - CONTACT_CLASS - JOINT_CLASS
+        return "right" if self.cause is self.run.cause and not alarm else "wrong"
 
     def document(self) -> dict[str, Any]:
         """As ``study.json`` has it."""

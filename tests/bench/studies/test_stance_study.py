@@ -110,6 +110,9 @@ def test_an_answer_that_might_be_of_the_other_class_is_undecided_as_a_misfit_wit
     assert answer(run, cause_of("foot_compliance", "joint_compliance")).word == "undecided"
     assert answer(run, cause_of("joint_compliance")).word == "wrong"
     assert answer(run, verdict="consistent").word == "wrong"
+    assert answer(run, cause_of("foot_compliance"), cause_of("foot_slip")).word == "wrong"
+    assert answer(run_with(Cause.NEITHER), cause_of("transport_delay")).word == "wrong"
+    assert answer(run_with(Cause.NEITHER), verdict="consistent").word == "right"
     assert answer(run, verdict="unexplained").word == "undecided"
     both = cause_of("foot_compliance", "backlash"), cause_of("joint_compliance")
     assert answer(run_with(Cause.BOTH), *both).word == "right"
