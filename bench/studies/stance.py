@@ -3,9 +3,9 @@
 The thesis's Marvin had systematic errors of femur and tibia while its feet stood, "most likely"
 from compliance or from rubber tips, and left it open. Here eight robots on another engine have
 either, both or none of them, beside all that is never as believed. Each walks three times, twice
-under its own load and once under the other, and ``busemu diagnose`` is given the three recordings:
-of the joints' registers alone, and then with the height of the trunk beside them. Of a run that is
-undecided still, walks with the tips off are diagnosed first.
+under its own load and once under the other, and ``busemu diagnose`` is given the three recordings
+of the joints' registers alone. Of a run that is undecided then the height of the trunk is given
+beside them; and of one that is undecided still, walks with the tips off are diagnosed first.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ Progress = Callable[[str], None]
 FORMAT = "busemu-stance-study/2"
 ROBOT = "marvin"
 DIAGNOSIS = "diagnosis.json"
+LAST = "the last that was asked"  #: of each run, in the score
 CONTACT_CLASS = frozenset({"foot_compliance", "ground_compliance"})
 JOINT_CLASS = frozenset({"joint_compliance", "backlash"})
 
@@ -46,8 +47,7 @@ class Part:
     """What a diagnosis is given beside the registers of the joints.
 
     ``beside`` are registers of other instruments. ``bare``: the robot walks with its tips off,
-    too, and the walks with tips are diagnosed with the better model that comes of it. That is asked
-    of runs which are undecided without.
+    too, and the walks with tips are diagnosed with the better model that comes of it.
     """
 
     name: str
@@ -61,6 +61,7 @@ class Part:
 
 
 JOINTS = Part("joints")
+#: each is asked of runs that are undecided with the one before
 PARTS = (
     JOINTS,
     Part("joints and height", frozenset({HEIGHT})),
@@ -151,7 +152,10 @@ def study(seed: int, out: Path, say: Progress) -> dict[str, Any]:
             "seed": seed,
             "scene": SCENE,
             "key_sha256": digest,
-            "score": {part.name: scored([a for a in answers if a.part is part]) for part in PARTS},
+            "score": {
+                **{part.name: scored([a for a in answers if a.part is part]) for part in PARTS},
+                LAST: scored(list({a.run.name: a for a in answers}.values())),
+            },
             "answers": [a.document() for a in answers],
         }
         save(summary_figure(answers), out / "summary.png")
@@ -165,7 +169,7 @@ def _answered(runs: Sequence[Run], out: Path, say: Progress) -> Iterator[Answer]
     latest: dict[str, Answer] = {}
     for part in PARTS:
         for run in runs:
-            if part.bare and not latest[run.name].undecided:
+            if run.name in latest and not latest[run.name].undecided:
                 continue
             latest[run.name] = Answer(run, part, _diagnosed(run, part, out / run.name, say))
             yield latest[run.name]

@@ -176,29 +176,34 @@ def diagnosed(tmp_path, monkeypatch):
     return told, asked
 
 
-def test_a_run_that_is_undecided_walks_with_its_tips_off_and_goes_on_from_there(
+def test_a_run_that_is_undecided_is_asked_with_more_and_then_walks_with_its_tips_off(
     tmp_path, diagnosed
 ):
     told, asked = diagnosed
     runs = draw_runs(5)
-    decided = [run for run in runs if run.cause is not Cause.BOTH]
-    told |= {f"{run.name}/joints-and-height": document(verdict="consistent") for run in decided}
-    both = [run for run in runs if run.cause is Cause.BOTH]
+    sound, both = ([run for run in runs if run.cause is c] for c in (Cause.NEITHER, Cause.BOTH))
+    told |= {f"{run.name}/joints": document(verdict="consistent") for run in sound}
+    soft = [run for run in runs if run not in sound]
+    told |= {f"{run.name}/joints-and-height": TIPS_FOUND for run in soft if run not in both}
     told |= {f"{run.name}/{BARE}": JOINTS_FOUND for run in both}
     told |= {f"{run.name}/joints-and-tips-off": TIPS_FOUND for run in both}
     result = study(5, tmp_path, lambda stage: None)
-    names = [f"{run.name}/{part.folder}" for part in PARTS[:2] for run in runs]
-    assert [where for where, _, _ in asked[:16]] == names
-    assert {(robot, count) for _, robot, count in asked[:16]} == {("marvin", 3)}
+    names = [f"{run.name}/joints" for run in runs]
+    names += [f"{run.name}/joints-and-height" for run in soft]
+    assert [where for where, _, _ in asked[:14]] == names
+    assert {(robot, count) for _, robot, count in asked[:14]} == {("marvin", 3)}
     better = str(tmp_path / both[0].name / BARE / "model.toml")
-    assert asked[16:18] == [
+    assert asked[14:16] == [
         (f"{both[0].name}/{BARE}", "marvin", 4),
         (f"{both[0].name}/joints-and-tips-off", better, 3),
     ]
-    assert len(asked) == 20
-    assert [score["of"] for score in result["score"].values()] == [8, 8, 2]
-    assert result["score"]["joints and tips off"]["right"] == 2
-    assert result["score"]["joints"]["undecided"] == 8
+    assert len(asked) == 18
+    score = result["score"]
+    assert [one["of"] for one in score.values()] == [8, 6, 2, 8]
+    assert score["joints"]["undecided"] == 6
+    assert score["joints and tips off"]["right"] == 2
+    last = {"right": 6, "undecided": 0, "wrong": 2, "of": 8, "tips_right": 6, "joints_right": 6}
+    assert score["the last that was asked"] == last
 
 
 def test_diagnoses_that_are_there_are_not_made_again_and_the_key_is_told_last(tmp_path, diagnosed):
