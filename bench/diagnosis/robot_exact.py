@@ -95,11 +95,15 @@ class ExactFits:
         """The best of some shares of the way that a fit would go, by exact replays.
 
         Where contacts are, traces lead too far more often than not. Shorter shares are tried until
-        one does worse than what already is better than ``here``.
+        one does worse than what already is better than ``here``; two at least, so they are
+        replayed in pairs.
         """
         best: RobotFit | None = None
-        for share in SHARES:
-            there = self.replayed(replace(found, z=here.z + share * (found.z - here.z)))
+        ways = [replace(found, z=here.z + share * (found.z - here.z)) for share in SHARES]
+        for k, way in enumerate(ways):
+            if k % 2 == 0:
+                self.model.ahead([(w.settings, w.nuisances) for w in ways[k : k + 2]], self.which)
+            there = self.replayed(way)
             if best is not None and there.cost > best.cost and best.cost < here.cost:
                 break
             best = there if best is None or there.cost < best.cost else best

@@ -8,7 +8,7 @@ with the height of the trunk where somebody watched it, and with how much joints
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -166,15 +166,25 @@ class Features:
             told = bins.within(t, track.span)
             found[mine] = told.mean(track.at(j, t))[self.bin[mine]]
         height, volts = (
-            np.empty(0)
-            if bins is None or seen is None
-            else bins.within(seen[0], track.span).mean(np.interp(seen[0], track.look_t_s, looked))
-            for bins, seen, looked in (
+            np.empty(0) if bins is None or seen is None else self._watched(bins, seen[0], track, of)
+            for bins, seen, of in (
                 (self.height_bins, self.course.height, track.height_m - track.rest_m),
                 (self.voltage_bins, self.course.voltage, track.voltage_v),
             )
         )
         return Means(found, height, volts, shaken)
+
+    def _watched(self, bins: Bins, seen_s: Floats, track: Track, value: Floats) -> Floats:
+        """Means of what a replay shows now and then, at the instants that somebody looked.
+
+        Of a bin in which nobody did all of it is told: in a repeat somebody may have looked there.
+        """
+        looks_s, span = track.look_t_s, track.span
+        asked = bins.within(seen_s, span).mean(np.interp(seen_s, looks_s, value))
+        every = _bins(self.phase, looks_s).within(looks_s, span).mean(value)
+        others = np.full(len(asked), np.nan)
+        others[: len(every)] = every[: len(asked)]
+        return np.where(np.isnan(asked), others, asked)
 
     def speeds(self, track: Track) -> tuple[Floats, Floats]:
         """How means move with a later instant [rad/s], and with a later turn (rows,)."""
@@ -239,6 +249,29 @@ class Features:
             and len(self.height_m) == len(other.height_m)
             and len(self.voltage_v) == len(other.voltage_v)
         )
+
+
+def first_of(
+    features: Sequence[Features], alike: Callable[[Features, Features], bool]
+) -> tuple[int, ...]:
+    """For each recording the first that it is alike."""
+    found: list[int] = []
+    for r, one in enumerate(features):
+        first = next((m for m in sorted(set(found)) if alike(features[m], one)), r)
+        found.append(first)
+    return tuple(found)
+
+
+def shown_by(
+    features: Sequence[Features], motion: Sequence[int], judging: Collection[int]
+) -> tuple[int, ...]:
+    """For each recording the motion whose traces and curves are taken for its own."""
+    fitted = [m for q, m in enumerate(motion) if q not in judging]
+    found = []
+    for r, own in enumerate(motion):
+        others = [m for m in fitted if features[m].rows_like(features[r])]
+        found.append(own if own in fitted or not others else others[0])
+    return tuple(found)
 
 
 def _bins(phase: Phase | None, t_s: Floats) -> Bins:

@@ -9,7 +9,7 @@ difference, so that the next fit starts from truth and traces only say which way
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ from .noise import Block
 from .nuisances import PUNCH, STALL, UNDOCUMENTED, has_punch
 from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
-from .robot_features import APART_S, Features, RobotKind
+from .robot_features import APART_S, Features, RobotKind, first_of, shown_by
 from .robot_nuisances import RobotNuisance, nuisances, replayable, trials
 from .robot_pool import Job, Outcome, Replays
 from .robot_replay import Course
@@ -115,12 +115,12 @@ class RobotModel:
             n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without
         )
         self.placed: dict[str, Placed] = placed_effects(base)
-        self.motion = _first_of(
+        self.motion = first_of(
             self.features, Features.like
         )  #: for each recording, the first like it
-        self._repeated = _first_of(self.features, Features.repeats)
+        self._repeated = first_of(self.features, Features.repeats)
         self._following = False
-        self._like = _alike(self.features, self.motion, judging)
+        self._like = shown_by(self.features, self.motion, judging)
         self.replays = Replays(robot, self.features, self.nuisances, processes, journal)
         self._joints = [joint.name for joint in base.joints]
         say("replaying the recordings")
@@ -188,9 +188,7 @@ class RobotModel:
         word is in ``but`` stays as it was taken last. Play is left out: when teeth rattle is
         chance, and beside small things that is what one would see.
         """
-        at = replayable(self.nuisances, z)
-        quiet = tuple((name, x) for name, x in settings if not _is_play(name))
-        there = tuple(at.tolist()) if at.any() else ()
+        quiet, there = self._told([(name, x) for name, x in settings if not _is_play(name)], z)
         self.traces = self._traces(quiet, there, but)
         self.curves.bend(quiet, there, sorted(set(self._like)))
 
@@ -282,12 +280,11 @@ class RobotModel:
 
         ``z`` are the nuisances. Returns how far the curves were off, RMS over joint rows [rad].
         """
-        chosen = list(self._every if which is None else which)
         at = replayable(self.nuisances, z)
-        first = self._leaders(chosen)
+        first = self._leaders(self._every if which is None else which)
         leaders = sorted(set(first.values()))
         guessed = [self.modelled(settings, at, r)[RobotKind.JOINTS] for r in leaders]
-        told = tuple(settings), tuple(at.tolist()) if at.any() else ()
+        told = self._told(settings, z)
         found = self._run([Job(r, told[0], nuisances=told[1]) for r in leaders])
         if not all(np.isfinite(rows[RobotKind.JOINTS]).all() for rows in found):
             return float("inf")
@@ -301,10 +298,31 @@ class RobotModel:
                 if r == leader
                 else {k: own[k] + rows - before[leader][k] for k, rows in there[leader].items()}
             )
-            self._centred_on[r] = (told[0], at)
+            self._centred_on[r] = told[0], at
             (self._exact[r],) = self.replays.run([Job(leader, told[0], nuisances=told[1])])
             self.traces[r] = self._read(self.traces[r], r)
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
+
+    def ahead(
+        self,
+        robots: Iterable[tuple[Sequence[tuple[str, float]], Floats]],
+        which: Sequence[int],
+    ) -> None:
+        """Replay robots side by side at which :meth:`recentre` will look one after another.
+
+        Only where one of them would leave processes without work.
+        """
+        leaders = sorted(set(self._leaders(which).values()))
+        if len(leaders) % self.replays.processes:
+            told = [self._told(settings, z) for settings, z in robots]
+            self._run([Job(r, effects, nuisances=z) for effects, z in told for r in leaders])
+
+    def _told(
+        self, settings: Sequence[tuple[str, float]], z: Floats
+    ) -> tuple[Settings, tuple[float, ...]]:
+        """Effects and nuisances of a replay, as a job has them."""
+        at = replayable(self.nuisances, z)
+        return tuple(settings), tuple(at.tolist()) if at.any() else ()
 
     @contextmanager
     def following(self) -> Iterator[None]:
@@ -315,7 +333,7 @@ class RobotModel:
         finally:
             self._following = False
 
-    def _leaders(self, chosen: Sequence[int]) -> dict[int, int]:
+    def _leaders(self, chosen: Iterable[int]) -> dict[int, int]:
         """For some recordings those that are replayed for them: themselves, mostly."""
         if not self._following:
             return {r: r for r in chosen}
@@ -368,26 +386,3 @@ def undocumented_punch(robot: Robot, courses: Sequence[Course]) -> bool:
     """Whether servos are told a punch of which nobody says that their position law adds it."""
     laws = {str(table.drive.get("law")) for table in robot.tables.values()}
     return laws == {UNDOCUMENTED} and any(has_punch(c.start, *c.events.T[2:]) for c in courses)
-
-
-def _first_of(
-    features: Sequence[Features], alike: Callable[[Features, Features], bool]
-) -> tuple[int, ...]:
-    """For each recording the first that it is alike."""
-    found: list[int] = []
-    for r, one in enumerate(features):
-        first = next((m for m in sorted(set(found)) if alike(features[m], one)), r)
-        found.append(first)
-    return tuple(found)
-
-
-def _alike(
-    features: Sequence[Features], motion: Sequence[int], judging: Collection[int]
-) -> tuple[int, ...]:
-    """For each recording the motion whose traces and curves are taken for its own."""
-    fitted = [m for q, m in enumerate(motion) if q not in judging]
-    found = []
-    for r, own in enumerate(motion):
-        others = [m for m in fitted if features[m].rows_like(features[r])]
-        found.append(own if own in fitted or not others else others[0])
-    return tuple(found)

@@ -152,6 +152,7 @@ class Replays:
                     _begin,
                     (robot, features, every, os.getpid()),
                 )
+        self.processes = 1 if self._pool is None else count  #: that replay at a time
         self.count = 0  #: replays run so far
 
     def run(self, jobs: Iterable[Job]) -> list[Outcome]:

@@ -56,13 +56,18 @@ class Play:
 
 
 class ShakingSearch(RobotSearch):
-    """A search on shaking alone: springs have no two valleys there, and samples are chance."""
+    """A search on shaking alone: springs have no two valleys there, and samples are chance.
+
+    Nothing but play is named by it, so nothing is tried where play is not of what promises most.
+    """
 
     def _sought(self, names: Collection[str]) -> Sought:
         return Sought(self.sight, {})
 
     def _step(self, some: Sequence[Screened], now: RobotFit, step: int) -> list[RobotGain]:
-        return [replace(gain, apart=SHAKEN_APART_NATS) for gain in super()._step(some, now, step)]
+        gains = [replace(gain, apart=SHAKEN_APART_NATS) for gain in super()._step(some, now, step)]
+        most = self._most(gains)
+        return gains if any(rattles(self.model, gain.name) for gain in most) else []
 
     def _from_far(self, found: RobotFit) -> RobotFit:
         return found
@@ -115,7 +120,7 @@ class Rattling:
         (gain,) = found.taken
         outside, before = (self.left(fit, self.judges) for fit in (found.fit, base))
         if (
-            not self._rattles(gain.name)
+            not rattles(self.model, gain.name)
             or left - self.left(found.fit, self.which) < NEEDED
             or before - outside < HELD_OUT
         ):
@@ -140,12 +145,14 @@ class Rattling:
 
     def _still(self, found: RobotFit) -> RobotFit:
         """A fit without play, all else as it is."""
-        kept = [(n, z) for n, z in found.settings if not self._rattles(n)]
+        kept = [(n, z) for n, z in found.settings if not rattles(self.model, n)]
         z = np.append(found.nuisances, [value for _, value in kept])
         return replace(found, names=tuple(name for name, _ in kept), z=z)
 
-    def _rattles(self, name: str) -> bool:
-        return self.model.placed[name].effect.name in RATTLING
+
+def rattles(model: RobotModel, name: str) -> bool:
+    """Whether a placed effect makes teeth rattle."""
+    return model.placed[name].effect.name in RATTLING
 
 
 def worsened(causes: Iterable[Cause], fit: FitSummary) -> bool:

@@ -93,10 +93,10 @@ class Steps(ExactFits):
         wrong by more than what they are of. What is promised twice is begun twice.
         """
         beyond = self._beyond(now)
-        most = sorted(promised, key=lambda gain: -gain.nats)[:PROMISED]
+        most = self._most(promised)
         tried = []
         for gain in promised:
-            if gain.name in named or (gain in most and gain.nats >= NEEDED):
+            if gain.name in named or gain in most:
                 self._say(f"trying {gain.name}")
                 knobs = np.append(now.knobs, beyond.get(gain.name, gain.fit.knobs[-1]))
                 with self.model.following():
@@ -104,6 +104,12 @@ class Steps(ExactFits):
                 tried.append(replace(gain, fit=fit))
         best = {gain.name: gain for gain in sorted(tried, key=lambda gain: -gain.fit.cost)}
         return sorted(best.values(), key=lambda gain: gain.fit.cost)
+
+    @staticmethod
+    def _most(promised: Sequence[RobotGain]) -> list[RobotGain]:
+        """The few that promise most, of those that promise enough."""
+        most = sorted(promised, key=lambda gain: -gain.nats)[:PROMISED]
+        return [gain for gain in most if gain.nats >= NEEDED]
 
     def _further(self, gain: RobotGain) -> RobotFit:
         """A gain's fit with what nuisances do where it has come to."""

@@ -132,6 +132,24 @@ def test_meanwhile_repeats_move_as_the_first_of_their_motion_does(model):
     model.recentre((), zero)
 
 
+@pytest.mark.parametrize(("which", "run"), [([NULL], 2), ([NULL, TIPS], 0)])
+def test_robots_are_replayed_beside_each_other_where_a_process_would_wait(
+    model, monkeypatch, which, run
+):
+    zero = np.zeros(len(model.nuisances))
+    some = [((("payload@all", 1.0 + 0.1 * k + 0.01 * len(which)),), zero) for k in range(2)]
+    count = model.replays.count
+    model.ahead(some, which)
+    assert model.replays.count == count  # one process never waits
+    monkeypatch.setattr(model.replays, "processes", 2)
+    model.ahead(some, which)
+    assert model.replays.count == count + run
+    for settings, z in some:
+        model.recentre(settings, z, which)
+    assert model.replays.count == count + 2 * len(which)
+    model.recentre((), zero)
+
+
 def test_what_a_later_reading_does_is_known_of_each_recordings_own_replay(model):
     zero, heavy = np.zeros(len(model.nuisances)), (("payload@all", 2.0),)
     names = [n.name for n in model.nuisances]

@@ -431,11 +431,16 @@ class Leading(ExactFits):
     """A search whose curves always lead to 6, while exact replays cost least elsewhere."""
 
     def __init__(self, least):
-        self.model = SimpleNamespace(recentre=self._recentre)
+        self.model = SimpleNamespace(recentre=self._recentre, ahead=self._ahead)
         self.which, self.at, self.asked, self.least = [0], [], [], least
+        self.beside = []
 
     def _recentre(self, settings, z, which):
         self.at = [z for _, z in settings]
+
+    def _ahead(self, robots, which):
+        assert which == self.which
+        self.beside.append([z for ((_, z),), _ in robots])
 
     def replayed(self, found):
         self.asked.append(found.z[0])
@@ -460,6 +465,9 @@ def test_as_much_of_the_way_that_curves_lead_is_gone_as_does_best(least, share):
     assert found.cost <= search.cost(first) < begun.cost
     asked = [6.0 * each for each in SHARES[: SHARES.index(share) + 2]]  # and none beyond
     assert search.asked[: len(asked)] == pytest.approx(asked)
+    assert search.beside[0] == asked[:2]
+    if share in SHARES[1:]:
+        assert search.beside[1] == pytest.approx([6.0 * each for each in SHARES[2:]])
     beyond = [6.0 * each for each in SHARES[SHARES.index(share) + 2 :]]
     assert search.asked[len(asked)] not in beyond
     assert search.at == found.z.tolist()

@@ -124,6 +124,37 @@ def test_a_voltage_tells_a_supply_from_a_gain(model):
     assert ahead(2, both) < ahead(2, joints) - 5.0
 
 
+def read_in(course, parity):
+    """A walk whose voltage was read in every other bin of the phase only."""
+    seen = Features.of(course, marvin())
+    times, volts = course.voltage
+    some = seen.voltage_bins.bin % 2 == parity
+    name = f"walk-{parity}"
+    return replace(course, voltage=(times[some], volts[some]), name=name, group=name)
+
+
+def test_a_repeat_whose_voltage_was_read_at_other_phases_moves_as_the_first_does():
+    courses = [read_in(told(believed()), parity) for parity in (0, 1)]
+    kind, less = RobotKind.VOLTAGE, (("supply_voltage@all", LESS),)
+    with RobotModel(believed(), marvin(), courses, processes=1) as made:
+        zero = np.zeros(len(made.nuisances))
+        known = [np.isfinite(made.recorded(r, kind)) for r in (0, 1)]
+        assert not (known[0] & known[1]).any()
+        assert all(np.isfinite(rows[kind]).all() for rows in made.centre)
+        volts = believed().supply.voltage_v
+        k = [n.name for n in made.nuisances].index("supply")
+        assert made.traces[1][kind][:, k] / made.nuisances[k].deviation == pytest.approx(
+            np.full(len(known[0]), volts), rel=0.1
+        )
+        begun = [rows[kind] for rows in made.centre]
+        with made.following():
+            made.recentre(less, zero)
+        first, repeat = (made.centre[r][kind] - begun[r] for r in (0, 1))
+        assert repeat == pytest.approx(np.full(len(repeat), first[known[0]].mean()), abs=0.02)
+        assert repeat.max() < -5.0 * COUNT_V
+        assert np.isfinite(Sight(made, [0, 1], (kind,)).fit().cost)
+
+
 @pytest.mark.parametrize("recordings", [1, 4])
 def test_all_recordings_together_tell_a_voltage_once(model, recordings):
     noise = voltage_noise(model, recordings)
