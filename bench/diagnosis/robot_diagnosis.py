@@ -254,11 +254,15 @@ class Work:
         causes, nexts = [], []
         placed: list[tuple[Any, Mapping[str, Estimate]]] = []
         before, floor = self.held.square(found.base, self.judges), self.held.floor_square
-        left = self.held.square(after, self.judges)
+        left, found = self.held.square(after, self.judges), self.held.undenied(found)
         for gain in taken:
             without = self.held.without(found.base, after, gain.name)
             bare = self.held.square(without, self.judges)
-            explained = (bare - left) / max(before - floor, 1e-30)
+            if before > floor:
+                explained = (bare - left) / (before - floor)
+            else:  # tolerances follow positions as well: it shows in voltages, if anywhere
+                volts, more = (self.held.volts_more(fit) ** 2 for fit in (after, without))
+                explained = 1.0 - volts / more if more else 0.0
             held_out = gain.deflated
             if gain.held_out is not None:
                 held_out = gain.held_out / gain.inflation

@@ -11,6 +11,7 @@ import numpy as np
 from busemu.tables import Robot
 
 from .growing import RELIEF
+from .rivals import CLOSE
 from .robot_causes import ENGINES_SHARE
 from .robot_features import RobotKind
 from .robot_fit import RobotFit, voltage_noise
@@ -81,13 +82,32 @@ class RobotJudges:
 
     def volts_denied(self, found: RobotFit) -> float:
         """How much more voltage servos show than a fit has [V], where that is too much; else 0."""
+        more = self.volts_more(found)
+        return more if abs(more) > VOLTS_OFF * voltage_noise(self.model, 1).coloured else 0.0
+
+    def volts_more(self, found: RobotFit) -> float:
+        """How much more voltage servos show than a fit has [V]; 0 where nobody read it."""
         self.model.recentre(found.settings, found.nuisances, self.judges)
         blocks = self.model.residuals(found.names, found.z, self.judges)
         own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
-        if not own:
-            return 0.0
-        more = float(np.mean(np.concatenate(own)))
-        return more if abs(more) > VOLTS_OFF * voltage_noise(self.model, 1).coloured else 0.0
+        return float(np.mean(np.concatenate(own))) if own else 0.0
+
+    def undenied(self, found: RobotFindings) -> RobotFindings:
+        """Findings without those rivals that voltages speak against, where not against the name.
+
+        Means over the phase may follow a low gain as well as a low supply, and a likelihood with
+        heavy tails lets one channel be far off.
+        """
+        tried, alike = list(found.tried), dict(found.alike)
+        for gain in found.taken:
+            k = next((k for k, step in enumerate(tried) if any(g is gain for g in step)), None)
+            if k is None or self.volts_denied(gain.fit):
+                continue
+            close = [g for g in tried[k] if g is not gain and gain.ahead_of(g) < CLOSE]
+            denied = {g.name for g in close if self.volts_denied(g.fit)}
+            tried[k] = tuple(g for g in tried[k] if g.name not in denied)
+            alike[gain.name] = tuple(p for p in alike.get(gain.name, ()) if p[0] not in denied)
+        return replace(found, tried=tuple(tried), alike=alike)
 
     def strained(self, found: RobotFit) -> tuple[str, ...]:
         """Tolerances at their ends, if they stand in for something that has no name.

@@ -8,9 +8,11 @@ import pytest
 
 from bench.diagnosis.growing import RELIEF
 from bench.diagnosis.noise import Block
+from bench.diagnosis.rivals import CLOSE
 from bench.diagnosis.robot_causes import ENGINES_SHARE
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_fit import RobotFit
+from bench.diagnosis.robot_gains import APART_NATS, RobotFindings, RobotGain
 from bench.diagnosis.robot_limits import other_volts
 from bench.diagnosis.robot_model import VOLTAGE_SENSE
 from bench.diagnosis.robot_nuisances import RobotNuisance
@@ -312,3 +314,43 @@ def test_no_size_is_beyond_what_an_effect_may_be():
     cliff = {0.0: 9.0, HALF: 1.4, WIDE: 1.3, -HALF: 6.0, -WIDE: 6.0}
     end = 2.0 * (1.0 + HALF)
     assert steep(2.0, cliff, high=end) == (["a"], [pytest.approx(end)])
+
+
+def gain_of(name, nats):
+    fit = RobotFit((name,), np.zeros(1), {}, -nats)
+    return RobotGain(name, fit, nats, 1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("denied", "kept"),
+    [
+        ((), ["gain", "limit", "far"]),
+        (("gain",), ["limit", "far"]),
+        (("gain", "far"), ["limit", "far"]),  # what is far behind is no rival, and is not asked
+        (("supply", "gain"), ["gain", "limit", "far"]),
+    ],
+)
+def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
+    monkeypatch, denied, kept
+):
+    nats = {"supply": 60.0, "gain": 55.0, "limit": 50.0, "far": 60.0 - APART_NATS - 2.0 * CLOSE}
+    step = tuple(gain_of(*pair) for pair in nats.items())
+    later = (gain_of("tips", 40.0), gain_of("gain", 39.0))
+    alike = {"supply": (("gain", 0.99), ("limit", 0.97)), "tips": ()}
+    found = RobotFindings(BASE, step[0].fit, (step[0], later[0]), (step, later), alike, ())
+    asked = []
+
+    def volts_denied(self, fit):
+        (name,) = fit.names
+        asked.append(name)
+        return -0.9 if name in denied else 0.0
+
+    monkeypatch.setattr(RobotJudges, "volts_denied", volts_denied)
+    left = judges({}).undenied(found)
+    assert [gain.name for gain in left.tried[0]] == ["supply", *kept]
+    assert [name for name, _ in left.alike["supply"]] == [n for n in kept if n != "far"]
+    assert [gain.name for gain in left.tried[1]] == (
+        ["tips"] if "gain" in denied else ["tips", "gain"]
+    )
+    assert "far" not in asked
+    assert left.taken == found.taken
