@@ -254,23 +254,16 @@ class Work:
         causes, nexts = [], []
         placed: list[tuple[Any, Mapping[str, Estimate]]] = []
         before, floor = self.held.square(found.base, self.judges), self.held.floor_square
-        left, found = self.held.square(after, self.judges), self.held.undenied(found)
+        found = self.held.undenied(found)
         for gain in taken:
             without = self.held.without(found.base, after, gain.name)
-            bare = self.held.square(without, self.judges)
-            if before > floor:
-                explained = (bare - left) / (before - floor)
-            else:  # tolerances follow positions as well: it shows in voltages, if anywhere
-                volts, more = (self.held.volts_more(fit) ** 2 for fit in (after, without))
-                explained = 1.0 - volts / more if more else 0.0
+            explained = self.held.explained(without, after, before - floor)
             held_out = gain.deflated
             if gain.held_out is not None:
                 held_out = gain.held_out / gain.inflation
             elif self.held_out:
                 held_out = (self.held.outside(without) - self.held.outside(after)) / gain.inflation
-            cause = cause_of(
-                self.search, found, gain, after, float(np.clip(explained, -1.0, 1.0)), held_out
-            )
+            cause = cause_of(self.search, found, gain, after, explained, held_out)
             causes.append(beside_rest(cause, rest.foretold, before - floor))
             placed.append((self.model.placed[gain.name], cause.parameters))
             if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):

@@ -92,6 +92,18 @@ class RobotJudges:
         own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
         return float(np.mean(np.concatenate(own))) if own else 0.0
 
+    def explained(self, without: RobotFit, now: RobotFit, explainable: float) -> float:
+        """Share of the misfit where it is judged that a name takes away, -1 to 1.
+
+        ``explainable`` [rad^2] is all of the positions' misfit above the floor. Where tolerances
+        leave none of that, a name shows in voltages, if anywhere.
+        """
+        if explainable > 0.0:
+            off = self.square(without, self.judges) - self.square(now, self.judges)
+            return float(np.clip(off / explainable, -1.0, 1.0))
+        left, more = (self.volts_more(fit) ** 2 for fit in (now, without))
+        return float(np.clip(1.0 - left / more, -1.0, 1.0)) if more else 0.0
+
     def undenied(self, found: RobotFindings) -> RobotFindings:
         """Findings without those rivals that voltages speak against, where not against the name.
 

@@ -354,3 +354,28 @@ def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
     )
     assert "far" not in asked
     assert left.taken == found.taken
+
+
+@pytest.mark.parametrize(
+    ("explainable", "squares", "volts", "share"),
+    [
+        (4e-6, (5e-6, 2e-6), (0.0, 0.0), 0.75),
+        (4e-6, (2e-6, 9e-6), (-0.9, 0.0), -1.0),
+        (4e-6, (9e-6, 2e-6), (0.0, -0.9), 1.0),
+        (-1e-7, (5e-6, 2e-6), (-0.9, -0.3), 8.0 / 9.0),  # nothing but voltages shows it
+        (-1e-7, (5e-6, 2e-6), (-0.1, -0.9), -1.0),
+        (-1e-7, (5e-6, 2e-6), (0.0, 0.0), 0.0),  # nor do they, as nobody read any
+    ],
+)
+def test_what_a_name_explains_is_of_positions_or_else_of_voltages(
+    monkeypatch, explainable, squares, volts, share
+):
+    with_it = taken_as(1.0, 0.0, 0.0, 0.0)
+    made = judges({})
+
+    def of(pair):
+        return lambda self, found, *_: pair[found is with_it]
+
+    monkeypatch.setattr(RobotJudges, "square", of(squares))
+    monkeypatch.setattr(RobotJudges, "volts_more", of(volts))
+    assert made.explained(BASE, with_it, explainable) == pytest.approx(share)
