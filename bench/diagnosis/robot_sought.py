@@ -37,10 +37,10 @@ class Pair:
 class Sought:
     """Effects at places that are tried, from such a knob if nothing is promised of them (``at``).
 
-    These are springs and limits, much of them, and limits from where they had come to in place of
-    what was taken: they may be beside it, too. Curves of limits say little, as they are those of a
-    robot as believed in all else: of one of 0.4 duty in another engine they promised nothing, and a
-    fit that began there gained 700 nats. ``pairs`` are tried at the first step.
+    These are springs and limits, much of them, and whatever gained in place of what was taken, from
+    where it had come to: it may be beside that, too. Curves of limits say little, as they are those
+    of a robot as believed in all else: of one of 0.4 duty in another engine they promised nothing,
+    and a fit that began there gained 700 nats. ``pairs`` are tried at the first step.
     """
 
     sight: Sight
@@ -85,19 +85,19 @@ class Sought:
         hopeless = {gain.name for gain in fitted if gain.nats < -HOPELESS}
         found = {name: z for name, z in self.at.items() if name not in hopeless}
         for gain in fitted:
-            if self._limit(gain.name) and gain.deflated >= NEEDED:
+            if gain.name not in SPRINGS and gain.deflated >= NEEDED:
                 found[gain.name] = float(gain.fit.knobs[-1])
         return replace(self, at=found)
 
     def _little(self, gain: RobotGain) -> bool:
-        """Whether that is a spring of which much less is promised than is sought."""
-        much = self.at.get(gain.name, 0.0)
-        return not self._limit(gain.name) and float(gain.fit.knobs[-1]) < LITTLE * much
+        """Whether much less is promised of it than is sought, limits aside."""
+        much, promised = self.at.get(gain.name, 0.0), float(gain.fit.knobs[-1])
+        return not self._limit(gain.name) and promised * much < LITTLE * much**2
 
     def _again(self, name: str, own: str) -> bool:
-        """Whether two are one effect, at some joint both."""
+        """Whether two are one number of one effect, at some joint both."""
         one, other = (self.sight.model.placed[each] for each in (name, own))
-        if one.effect is not other.effect:
+        if one.effect is not other.effect or one.parameter is not other.parameter:
             return False
         anywhere = not one.where or not other.where
         return anywhere or not set(one.where).isdisjoint(other.where)

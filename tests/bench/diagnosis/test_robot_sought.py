@@ -1,4 +1,4 @@
-"""What is tried at every step, however little is promised of it: springs, and limits."""
+"""What is tried at every step, however little is promised: springs, limits, and what had gained."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -83,6 +83,8 @@ def test_a_spring_that_did_much_worse_than_nothing_is_not_tried_again():
         [gain(first, -1.1 * HOPELESS), gain(second, -0.9 * HOPELESS)]
     )
     assert after.at.keys() == SPRINGS - {first}
+    gained = Sought.much(sight(), SPRINGS).after([gain(second, 9.0 * NEEDED, z=1.0)])
+    assert gained.at[second] == MUCH
 
 
 @pytest.mark.parametrize(
@@ -117,12 +119,12 @@ def test_limits_that_promise_anything_are_tried_among_however_many_that_promise_
 def test_a_limit_that_had_gained_is_tried_beside_what_was_taken_from_where_it_was(nats, z):
     fitted = [gain("gain_error@all", 300.0), gain(LIMIT, 1.1 * NEEDED * INFLATION, z=1.5)]
     sought = Sought(sight(), {}).after([*fitted, gain(OTHER, 0.9 * NEEDED * INFLATION)])
-    assert sought.at == {LIMIT: 1.5}
+    assert sought.at == {LIMIT: 1.5, "gain_error@all": 1.0}
     now = fit("gain_error@all")
     for promised in ([], [replace(gain(LIMIT, nats), fit=fit(*now.names, LIMIT, z=1.3))]):
         found = sought.beside(now, promised)
         assert begun(found) == {LIMIT: z if promised else 1.5}
-        assert sought.asked(found) == {LIMIT}
+        assert LIMIT in sought.asked(found)
     assert sought.beside(fit("gain_error@all", LIMIT), []) == []
 
 
@@ -136,5 +138,23 @@ def test_limits_begin_where_a_robot_feels_them_though_nothing_is_promised_of_the
     assert begun(sought.beside(fit("gain_error@all"), late)) == {LIMIT: found[LIMIT], OTHER: 1.0}
 
 
-def test_what_is_no_limit_is_not_sought_because_it_had_gained():
-    assert Sought(sight(), {}).after([gain("payload@all", 300.0)]).at == {}
+def test_whatever_had_gained_is_tried_beside_what_was_taken_from_where_it_was():
+    dead, other = "dead_zone@leg4", "dead_zone@all"
+    little = gain("payload@all", 0.9 * NEEDED * INFLATION)
+    fitted = [gain("gain_error@leg5", 300.0, z=2.0), gain(dead, 100.0, z=3.0), little]
+    sought = Sought(sight(), {}).after(fitted)
+    assert begun(sought.beside(fit("gain_error@leg5"), [])) == {dead: 3.0}
+    assert begun(sought.beside(fit("gain_error@leg5", other), [])) == {}
+    for promised, expected in ((1.1 * LITTLE * 3.0, 1), (0.9 * LITTLE * 3.0, 2), (-3.0, 2)):
+        some = [replace(gain(dead, 9.0), fit=fit("gain_error@leg5", dead, z=promised))]
+        assert len(sought.beside(fit("gain_error@leg5"), some)) == expected
+
+
+def test_a_centre_of_mass_aside_is_tried_beside_one_fore_or_aft():
+    aside, fore = "com_offset.y@trunk", "com_offset.x@trunk"
+    sought = Sought(sight(), {}).after([gain(aside, 100.0, z=-2.0)])
+    assert begun(sought.beside(fit(fore), [])) == {aside: -2.0}
+    for promised, expected in ((-1.9, 1), (-0.9, 2)):
+        some = [replace(gain(aside, 9.0), fit=fit(fore, aside, z=promised))]
+        assert len(sought.beside(fit(fore), some)) == expected
+    assert begun(sought.beside(fit(aside), [])) == {}
