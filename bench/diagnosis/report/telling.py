@@ -177,7 +177,7 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
         )
     doubtful = [c for c in diagnosis.causes if c.probability < 0.5]
     if doubtful:
-        told.append(f"Less likely than its rivals together: {joined(named(c) for c in doubtful)}.")
+        told.append(f"Less likely than not: {joined(named(c) for c in doubtful)}.")
     if diagnosis.causes and not fit.held_out:
         told.append("No recording was held out: what is named was judged on what was fitted.")
     return told
