@@ -23,7 +23,7 @@ from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_causes, of_nuisances
 from .robot_judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
 from .robot_limits import limits, other_volts, stand_in
-from .robot_model import RATTLING, Progress, RobotModel
+from .robot_model import RATTLING, Progress, RobotModel, is_play
 from .robot_next import next_experiments
 from .robot_places import mismatch, moved
 from .robot_rattling import Play, Rattling, told, worsened
@@ -204,7 +204,7 @@ class Work:
         """What was found but play that shaking denies."""
         kept = []
         for gain in taken:
-            if self.model.placed[gain.name].effect.name in RATTLING:
+            if is_play(gain.name):
                 after = self.held.without(found.base, after, gain.name)
             else:
                 kept.append(gain)

@@ -71,10 +71,11 @@ def rows_of(outcome: Outcome) -> Rows:
 
 
 def _rattles(job: Job) -> bool:
-    return any(_is_play(name) and z > 0.0 for name, z in job.effects)
+    return any(is_play(name) and z > 0.0 for name, z in job.effects)
 
 
-def _is_play(name: str) -> bool:
+def is_play(name: str) -> bool:
+    """Whether a placed effect makes teeth rattle."""
     return name.partition("@")[0] in RATTLING
 
 
@@ -188,7 +189,7 @@ class RobotModel:
         word is in ``but`` stays as it was taken last. Play is left out: when teeth rattle is
         chance, and beside small things that is what one would see.
         """
-        quiet, there = self._told([(name, x) for name, x in settings if not _is_play(name)], z)
+        quiet, there = self._told([(name, x) for name, x in settings if not is_play(name)], z)
         self.traces = self._traces(quiet, there, but)
         self.curves.bend(quiet, there, sorted(set(self._like)))
 

@@ -22,7 +22,7 @@ from .robot_causes import cause_of
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
 from .robot_gains import NEEDED, RobotGain
-from .robot_model import RATTLING, Progress, RobotModel
+from .robot_model import RATTLING, Progress, RobotModel, is_play
 from .robot_screen import Screened
 from .robot_search import RobotSearch
 from .robot_settling import LITTLE
@@ -67,7 +67,7 @@ class ShakingSearch(RobotSearch):
     def _step(self, some: Sequence[Screened], now: RobotFit, step: int) -> list[RobotGain]:
         gains = [replace(gain, apart=SHAKEN_APART_NATS) for gain in super()._step(some, now, step)]
         most = self._most(gains)
-        return gains if any(rattles(self.model, gain.name) for gain in most) else []
+        return gains if any(is_play(gain.name) for gain in most) else []
 
     def _from_far(self, found: RobotFit) -> RobotFit:
         return found
@@ -120,7 +120,7 @@ class Rattling:
         (gain,) = found.taken
         outside, before = (self.left(fit, self.judges) for fit in (found.fit, base))
         if (
-            not rattles(self.model, gain.name)
+            not is_play(gain.name)
             or left - self.left(found.fit, self.which) < NEEDED
             or before - outside < HELD_OUT
         ):
@@ -145,14 +145,9 @@ class Rattling:
 
     def _still(self, found: RobotFit) -> RobotFit:
         """A fit without play, all else as it is."""
-        kept = [(n, z) for n, z in found.settings if not rattles(self.model, n)]
+        kept = [(n, z) for n, z in found.settings if not is_play(n)]
         z = np.append(found.nuisances, [value for _, value in kept])
         return replace(found, names=tuple(name for name, _ in kept), z=z)
-
-
-def rattles(model: RobotModel, name: str) -> bool:
-    """Whether a placed effect makes teeth rattle."""
-    return model.placed[name].effect.name in RATTLING
 
 
 def worsened(causes: Iterable[Cause], fit: FitSummary) -> bool:

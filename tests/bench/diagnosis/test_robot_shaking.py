@@ -195,34 +195,24 @@ def test_a_search_on_shaking_is_a_search_but_for_springs_and_whole_recordings():
     assert search._sought(SPRINGS).at == {}
 
 
-def shaking_search(effects):
-    """A search that knows what effects are placed."""
-    search = object.__new__(ShakingSearch)
-    placed = {n: SimpleNamespace(effect=SimpleNamespace(name=e)) for n, e in effects.items()}
-    search.model = SimpleNamespace(placed=placed)
-    return search
-
-
 @pytest.mark.parametrize(
     ("play", "tried"), [(PROMISED * NEEDED, True), (1.9 * NEEDED, False), (0.9 * NEEDED, False)]
 )
 def test_where_play_is_not_of_what_promises_most_nothing_is_tried(monkeypatch, play, tried):
-    names = ["play@all", *(f"other{k}@all" for k in range(PROMISED))]
+    names = ["backlash@all", *(f"other{k}@all" for k in range(PROMISED))]
     nats = [play, *((2.0 + k) * NEEDED for k in range(PROMISED))]
     if play < NEEDED:
         names, nats = names[:2], nats[:2]
     gains = [RobotGain(n, LOOSE, x, 1.0, None) for n, x in zip(names, nats, strict=True)]
     monkeypatch.setattr(RobotSearch, "_step", lambda *_: gains)
-    effects = {name: "backlash" if name == "play@all" else "dead_zone" for name in names}
-    found = shaking_search(effects)._step([], LOOSE, 0)
+    found = object.__new__(ShakingSearch)._step([], LOOSE, 0)
     assert [gain.name for gain in found] == (names if tried else [])
 
 
 def test_fits_to_shaking_end_closer_to_each_other_than_fits_to_means(monkeypatch):
-    gain = RobotGain("a@all", LOOSE, 60.0, 1.0, None)
+    gain = RobotGain("backlash@all", LOOSE, 60.0, 1.0, None)
     monkeypatch.setattr(RobotSearch, "_step", lambda *_: [gain])
-    search = shaking_search({"a@all": "backlash"})
-    (own,) = search._step([], LOOSE, 0)
+    (own,) = object.__new__(ShakingSearch)._step([], LOOSE, 0)
     other = RobotGain("b@all", LOOSE, 50.0, 1.0, None)
     assert gain.ahead_of(other) == 0.0
     assert own.ahead_of(other) == 10.0 - SHAKEN_APART_NATS > 0.0
