@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,12 +28,14 @@ from .robot_next import next_experiments
 from .robot_places import mismatch, moved
 from .robot_rattling import Play, Rattling, told, worsened
 from .robot_replay import course
-from .robot_rest import Rest, rest_of
+from .robot_rest import Rest
 from .robot_search import RobotSearch
 from .robot_settling import RobotJudges
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
+
+PLACES = 6  #: of a joint in stance or swing whose rest is told in details, the most foretold
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,8 +125,7 @@ class Work:
                 after = self.held.without(begun, after, play.gain.name)
             play, found = None, replace(found, base=base)
         whole = after if play is None else play.beside(after)
-        self.held.square(after, sorted({*self.which, *self.judges}))
-        rest = rest_of(model, after, self.which, self.judges)
+        rest = self.held.rest(after)
         self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after, rest)
         if play is not None:
@@ -157,7 +158,7 @@ class Work:
             mismatch=self._mismatch(found, whole) if verdict != "consistent" else (),
             causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
             fit=fit,
-            unexplained=(_unexplained(rest),) if rest.structured or ends else (),
+            unexplained=rest.told() if rest.structured or ends else (),
             next_experiment=tuple(nexts),
             limits=(
                 *limits(model, after, self.which, self.held_out),
@@ -327,6 +328,7 @@ class Work:
                 "predicted_rad": rest.predicted_rad,
                 "share": rest.share,
                 "agreeing": rest.agreeing,
+                "places": [asdict(place) for place in rest.places[:PLACES]],
             },
             "seen_from": {
                 s.name: size
@@ -341,17 +343,6 @@ def noise_of(blocks: Sequence[Block], noise: Noise) -> float:
     """Of rows of some blocks: what fits call noise, and what rows scatter by themselves."""
     scatter = np.mean(np.concatenate([block.extra for block in blocks]))
     return float(np.hypot(noise.total, np.sqrt(scatter)))
-
-
-def _unexplained(rest: Rest) -> Mapping[str, Any]:
-    return {
-        "channel": "present_position",
-        "joints": list(rest.joints),
-        "predictable_rad": rest.predicted_rad,
-        "share": rest.share,
-        "where": list(rest.where),
-        "terms": dict(rest.terms),
-    }
 
 
 def _ranking(found: RobotFindings) -> tuple[Mapping[str, Any], ...]:

@@ -3,13 +3,15 @@
 The misfit of the recordings that were fitted, joint by joint over the phase of the gait, foretells
 that of the recordings that judge as far as it is structure and not noise. What two sound engines
 leave of one walk is structure as well: only more than that is called unexplained. So is a rest far
-beyond what engines differ by, foretold or not.
+beyond what engines differ by, foretold or not. What one joint has in stance or in swing is looked
+at by itself, as the mean over eighteen joints hides it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +21,37 @@ from .robot_fit import RobotFit
 from .robot_model import ENGINES_RAD, RobotModel
 
 Floats = NDArray[np.float64]
+#: a recording, what is left of it, and what others foretell of that (rows,) [rad]
+Row = tuple[Features, Floats, Floats]
 
 #: times what engines differ by, from which structure is called unexplained; nulls have 0.5
 MORE = 1.0
+#: times the same of one joint in one phase; ten nulls of two other engines had 0.8 to 1.3 at most
+LOCAL = 2.0
+LOCAL_SHARE = 0.5  #: of one joint's squared rest in one phase that must be foretold; assumed
 MISFIT = 3.0  #: times the same that a rest may be before it is unexplained, foretold or not
 SHARE = 0.15  #: of the squared rest that must be foretold
 AGREEING = 0.6  #: of the recordings that must agree
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What is left of one joint in one phase of the gait, as :class:`Rest` has it of all."""
+
+    joint: str
+    phase: str
+    predicted_rad: float
+    share: float
+    agreeing: float
+
+    @property
+    def structured(self) -> bool:
+        """Whether that alone must be called unexplained."""
+        return (
+            self.predicted_rad > LOCAL * ENGINES_RAD
+            and self.share > LOCAL_SHARE
+            and self.agreeing >= AGREEING
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +65,16 @@ class Rest:
     terms: Mapping[str, float]  #: correlations
     joints: tuple[str, ...]  #: the kinds of joints and phases that hold most of it
     where: tuple[str, ...]
+    places: tuple[Place, ...] = ()  #: every joint in stance and in swing, the most foretold first
 
     @property
-    def structured(self) -> bool:
-        """Whether it must be called unexplained."""
+    def local(self) -> tuple[Place, ...]:
+        """Joints in stance or swing that by themselves have more than noise and engines leave."""
+        return tuple(place for place in self.places if place.structured)
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether all joints together have more than noise and engines leave."""
         return self.rms_rad > MISFIT * ENGINES_RAD or (
             self.predicted_rad > MORE * ENGINES_RAD
             and self.share > SHARE
@@ -49,9 +82,44 @@ class Rest:
         )
 
     @property
+    def structured(self) -> bool:
+        """Whether it must be called unexplained."""
+        return self.everywhere or bool(self.local)
+
+    def told(self) -> tuple[Mapping[str, Any], ...]:
+        """As ``diagnosis.json`` has it: of all joints, and of each that stands out by itself."""
+        one = [] if self.local and not self.everywhere else [self._all()]
+        by_joint: dict[str, list[Place]] = {}
+        for place in self.local:
+            by_joint.setdefault(place.joint, []).append(place)
+        return (*one, *(_row(*most) for most in by_joint.values()))
+
+    def _all(self) -> Mapping[str, Any]:
+        return {
+            "channel": "present_position",
+            "joints": list(self.joints),
+            "predictable_rad": self.predicted_rad,
+            "share": self.share,
+            "where": list(self.where),
+            "terms": dict(self.terms),
+        }
+
+    @property
     def foretold(self) -> float:
         """The square of what is foretold, where that is no noise [rad^2]."""
         return self.predicted_rad**2 if self.structured else 0.0
+
+
+def _row(most: Place, *others: Place) -> Mapping[str, Any]:
+    """Places of one joint, the most foretold first, as ``diagnosis.json`` has them."""
+    return {
+        "channel": "present_position",
+        "joints": [most.joint],
+        "predictable_rad": most.predicted_rad,
+        "share": most.share,
+        "where": [most.phase, *(place.phase for place in others)],
+        "terms": {},
+    }
 
 
 def rest_of(
@@ -60,8 +128,7 @@ def rest_of(
     """The rest of some recordings as others foretell it; of the same ones by each other."""
     blocks = model.residuals(found.names, found.z, sorted({*fitted, *judging}))
     left = {r: blocks[r, RobotKind.JOINTS].value for r in sorted({*fitted, *judging})}
-    products, squares, agreeing = [], [], []
-    rows: list[tuple[Features, Floats]] = []
+    rows: list[Row] = []
     for r in judging:
         others = [q for q in fitted if q != r and _same_bins(model, q, r)]
         if not others:
@@ -70,26 +137,44 @@ def rest_of(
         foretold = np.zeros(len(left[r]))
         for q in others:
             foretold += _as_rows(model.features[q], left[q], features) / len(others)
-        product = float(np.mean(foretold * left[r]))
-        products.append(product)
-        squares.append(float(np.mean(left[r] ** 2)))
-        agreeing.append(product > 0.0)
-        rows.append((features, left[r]))
+        rows.append((features, left[r], foretold))
     every = np.concatenate([left[r] for r in judging])
     rms = float(np.sqrt(np.mean(every**2)))
-    if not products:
+    if not rows:
         return Rest(rms, 0.0, 0.0, 0.0, {}, (), ())
-    predicted = max(0.0, float(np.mean(products)))
     part, phases = _most(model, rows)
     return Rest(
         rms,
-        float(np.sqrt(predicted)),
-        predicted / max(float(np.mean(squares)), 1e-30),
-        float(np.mean(agreeing)),
+        *_foretold([(value, foretold) for _, value, foretold in rows]),
         _terms(rows),
         part,
         phases,
+        _places(model, rows),
     )
+
+
+def _foretold(rows: Sequence[tuple[Floats, Floats]]) -> tuple[float, float, float]:
+    """RMS of what is foretold [rad], its share, and the share of recordings that agree."""
+    products = [float(np.mean(value * foretold)) for value, foretold in rows]
+    squares = [float(np.mean(value**2)) for value, _ in rows]
+    predicted = max(0.0, float(np.mean(products)))
+    share = predicted / max(float(np.mean(squares)), 1e-30)
+    return float(np.sqrt(predicted)), share, float(np.mean([x > 0.0 for x in products]))
+
+
+def _places(model: RobotModel, rows: Sequence[Row]) -> tuple[Place, ...]:
+    """Every joint in stance and in swing by itself, the most foretold first."""
+    found = []
+    for j, joint in enumerate(model.base.joints):
+        for phase, stands in (("stance", True), ("swing", False)):
+            own = [
+                (value[here], foretold[here])
+                for features, value, foretold in rows
+                if (here := (features.joint_row == j) & (features.stance == stands)).any()
+            ]
+            if own:
+                found.append(Place(joint.name, phase, *_foretold(own)))
+    return tuple(sorted(found, key=lambda place: -place.predicted_rad))
 
 
 def _same_bins(model: RobotModel, one: int, other: int) -> bool:
@@ -109,13 +194,13 @@ def _as_rows(source: Features, value: Floats, target: Features) -> Floats:
     return found
 
 
-def _terms(rows: Sequence[tuple[Features, Floats]]) -> dict[str, float]:
+def _terms(rows: Sequence[Row]) -> dict[str, float]:
     """Correlations of the rest with what a joint does and bears, the strongest first."""
-    value = np.concatenate([v for _, v in rows])
-    goal = np.concatenate([f.goal_rad for f, _ in rows])
-    error = np.concatenate([f.goal_rad - f.position_rad for f, _ in rows])
-    speed = np.concatenate([_speed(f) for f, _ in rows])
-    stance = np.concatenate([f.stance.astype(np.float64) for f, _ in rows])
+    value = np.concatenate([v for _, v, _ in rows])
+    goal = np.concatenate([f.goal_rad for f, _, _ in rows])
+    error = np.concatenate([f.goal_rad - f.position_rad for f, _, _ in rows])
+    speed = np.concatenate([_speed(f) for f, _, _ in rows])
+    stance = np.concatenate([f.stance.astype(np.float64) for f, _, _ in rows])
     terms = {"position": goal, "velocity": speed, "load": error, "stance": stance}
     found = {
         name: float(np.corrcoef(value, term)[0, 1]) if np.std(term) > 0.0 else 0.0
@@ -135,15 +220,13 @@ def _speed(features: Features) -> Floats:
     return found
 
 
-def _most(
-    model: RobotModel, rows: Sequence[tuple[Features, Floats]]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _most(model: RobotModel, rows: Sequence[Row]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The kind of joint that holds most of the rest, and the phases beyond an even share."""
     names = [joint.name for joint in model.base.joints]
     parts = np.array([name.rpartition(".")[2] for name in names])
     squares: dict[str, float] = {}
     phases = {"stance": (0.0, 0), "swing": (0.0, 0)}
-    for features, value in rows:
+    for features, value, _ in rows:
         of_row = parts[features.joint_row]
         for part in dict.fromkeys(parts.tolist()):
             squares[part] = squares.get(part, 0.0) + float(np.sum(value[of_row == part] ** 2))

@@ -19,6 +19,7 @@ from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_settings
 from .robot_judging import judge, rmse_rad, steady_rmse_rad
 from .robot_model import Progress, RobotModel
+from .robot_rest import Rest, rest_of
 from .robot_search import AT_END, RobotSearch
 from .robot_steps import WORSE
 
@@ -73,12 +74,20 @@ class RobotJudges:
 
         Of recordings that it was fitted to tolerances take much away; on others they cannot. Nor is
         a robot as believed of which several tolerances have gone to their ends: something is the
-        matter for which they stand in. Nor one whose servos show another voltage.
+        matter for which they stand in. Nor one whose servos show another voltage, or one joint of
+        which is off by itself: the mean over all hides that.
         """
         if len(self.at_ends(base)) > ENDS or self.volts_denied(base):
             return False
         fitted = self.over_noise(base, self.which) < FITTED
-        return fitted and (not self.held_out or self.over_noise(base, self.judges) < JUDGED)
+        judged = not self.held_out or self.over_noise(base, self.judges) < JUDGED
+        return fitted and judged and not self.rest(base).local
+
+    def rest(self, found: RobotFit) -> Rest:
+        """What a fit leaves where it is judged, by exact replays."""
+        every = sorted({*self.which, *self.judges})
+        self.model.recentre(found.settings, found.nuisances, every)
+        return rest_of(self.model, found, self.which, self.judges)
 
     def volts_denied(self, found: RobotFit) -> float:
         """How much more voltage servos show than a fit has [V], where that is too much; else 0."""

@@ -8,7 +8,7 @@ import pytest
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_model import ENGINES_RAD
-from bench.diagnosis.robot_rest import MISFIT, MORE, rest_of
+from bench.diagnosis.robot_rest import LOCAL, MISFIT, MORE, rest_of
 
 JOINTS = [f"leg{n}.{part}" for n in (1, 2) for part in ("coxa", "femur", "tibia")]
 BINS = 24
@@ -44,9 +44,9 @@ def noise(seed, size_rad=ENGINES_RAD):
     return size_rad * np.random.default_rng(seed).standard_normal(len(ROW))
 
 
-def structure(times):
+def structure(times, joints=(1, 4)):
     """In the femurs' stance, so much that it is ``times`` what engines differ by, RMS."""
-    there = np.isin(ROW, [1, 4]) & (BIN < 14)
+    there = np.isin(ROW, joints) & (BIN < 14)
     return times * ENGINES_RAD * there / np.sqrt(there.mean())
 
 
@@ -66,7 +66,7 @@ def test_what_repeats_is_foretold_in_its_place_and_size():
 
 
 def test_what_two_engines_leave_is_not_called_unexplained():
-    values = [noise(seed, 1e-5) + structure(0.9 * MORE) for seed in (1, 2, 3)]
+    values = [noise(seed, 1e-5) + structure(0.9 * MORE, range(6)) for seed in (1, 2, 3)]
     rest = rest_of(Left(*values), FOUND, [0, 1], [2])
     assert rest.share == pytest.approx(1.0, abs=0.05)
     assert not rest.structured
@@ -94,3 +94,47 @@ def test_a_rest_far_beyond_what_engines_differ_by_is_unexplained_though_nothing_
         rest = rest_of(Left(*values), FOUND, [0, 1], [2])
         assert rest.share < 0.1
         assert rest.structured is unexplained
+
+
+def in_place(times, joint=4):
+    """In one joint's stance, ``times`` what engines differ by there."""
+    return times * ENGINES_RAD * ((joint == ROW) & (BIN < 14))
+
+
+@pytest.mark.parametrize(("times", "unexplained"), [(0.85, False), (1.15, True)])
+def test_one_joint_far_off_in_one_phase_is_unexplained_though_the_mean_over_all_is_not(
+    times, unexplained
+):
+    values = [noise(seed, 2e-4) + in_place(times * LOCAL) for seed in (1, 2, 3)]
+    rest = rest_of(Left(*values), FOUND, [0, 1], [2])
+    assert not rest.everywhere
+    assert rest.structured is unexplained
+    assert (rest.places[0].joint, rest.places[0].phase) == ("leg2.femur", "stance")
+    assert rest.places[0].predicted_rad == pytest.approx(times * LOCAL * ENGINES_RAD, rel=0.1)
+    if unexplained:
+        (row,) = rest.told()
+        assert (row["joints"], row["where"]) == (["leg2.femur"], ["stance"])
+        assert row["predictable_rad"] == rest.places[0].predicted_rad
+
+
+def test_both_phases_of_a_joint_are_told_in_one_row():
+    whole = 1.5 * LOCAL * ENGINES_RAD * (ROW == 4)
+    values = [noise(seed, 2e-4) + whole for seed in (1, 2)]
+    rest = rest_of(Left(*values), FOUND, [0], [1])
+    *_, row = rest.told()
+    assert (row["joints"], sorted(row["where"])) == (["leg2.femur"], ["stance", "swing"])
+
+
+def test_one_joint_of_which_others_foretell_little_is_not_unexplained():
+    values = [noise(1) + in_place(2.0 * LOCAL), noise(2) - in_place(2.0 * LOCAL)]
+    assert not rest_of(Left(*values), FOUND, [0], [1]).structured
+    scattered = [3.0 * noise(k) + in_place(1.2 * LOCAL) for k in (1, 2, 3)]
+    rest = rest_of(Left(*scattered), FOUND, [0, 1], [2])
+    assert rest.places[0].predicted_rad > LOCAL * ENGINES_RAD
+    assert not rest.local
+
+
+def test_what_is_left_everywhere_is_told_of_all_joints():
+    values = [noise(seed) + structure(2.0 * MORE) for seed in (1, 2, 3)]
+    rest = rest_of(Left(*values), FOUND, [0, 1], [2])
+    assert rest.told()[0]["joints"] == ["leg1.femur", "leg2.femur"]

@@ -14,8 +14,9 @@ from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_fit import RobotFit
 from bench.diagnosis.robot_gains import APART_NATS, RobotFindings, RobotGain
 from bench.diagnosis.robot_limits import other_volts
-from bench.diagnosis.robot_model import VOLTAGE_SENSE
+from bench.diagnosis.robot_model import ENGINES_RAD, VOLTAGE_SENSE
 from bench.diagnosis.robot_nuisances import RobotNuisance
+from bench.diagnosis.robot_rest import LOCAL
 from bench.diagnosis.robot_settling import (
     FITTED,
     JUDGED,
@@ -33,15 +34,31 @@ FITS, JUDGES = (0, 1), (2,)
 SUPPLY_V = 10.0
 
 
-def judges(left, held_out=True, volts=None):
-    """Of a model whose recordings leave so much, RMS [rad] by recording, and of voltages [V]."""
+#: ten joints of ten bins each
+ROWS = SimpleNamespace(
+    phase=object(),
+    joint_row=np.repeat(np.arange(10), 10),
+    bin=np.tile(np.arange(10), 10),
+    stance=np.tile(np.arange(10), 10) < 6,
+    goal_rad=np.sin(np.arange(100)),
+    position_rad=np.sin(np.arange(100)),
+)
+
+
+def judges(left, held_out=True, volts=None, joint_rad=0.0):
+    """Of a model whose recordings leave so much, RMS [rad] by recording, and of voltages [V].
+
+    One joint is off by ``joint_rad`` besides.
+    """
 
     def residuals(names, z, which):
         rows = np.arange(100) * 1.0
-        found = {
-            (r, RobotKind.JOINTS): Block(rows, np.full(100, left[r]), np.full(100, EXTRA_RAD2))
-            for r in which
-        }
+        turns = np.random.default_rng(5)
+        found = {}
+        for r in which:
+            value = left[r] * turns.permutation(np.where(rows % 2, -1.0, 1.0))
+            value[ROWS.joint_row == 3] += joint_rad
+            found[r, RobotKind.JOINTS] = Block(rows, value, np.full(100, EXTRA_RAD2))
         if volts is not None:
             wave = volts + 0.2 * np.sin(rows)
             found |= {(r, RobotKind.VOLTAGE): Block(rows, wave, 0.0 * rows) for r in which}
@@ -52,7 +69,11 @@ def judges(left, held_out=True, volts=None):
         recentre=lambda settings, z, which: 0.0,
         residuals=residuals,
         nuisances=TOLERANCES,
-        base=SimpleNamespace(supply=SimpleNamespace(voltage_v=SUPPLY_V)),
+        features=[ROWS] * 3,
+        base=SimpleNamespace(
+            supply=SimpleNamespace(voltage_v=SUPPLY_V),
+            joints=[SimpleNamespace(name=f"leg{n}.femur") for n in range(10)],
+        ),
     )
     return RobotJudges(
         SimpleNamespace(model=model), None, FITS, JUDGES if held_out else FITS, held_out
@@ -97,6 +118,14 @@ def test_what_is_left_is_told_in_squares_of_noise():
 def test_a_robot_is_as_believed_where_neither_leaves_more_than_noise(fitted, judged, expected):
     left = {0: rms(fitted), 1: rms(fitted), 2: rms(judged)}
     assert judges(left).consistent(BASE) is expected
+
+
+@pytest.mark.parametrize(("times", "expected"), [(0.9, True), (1.2, False)])
+def test_a_robot_is_not_as_believed_where_one_joint_is_off_by_itself(times, expected):
+    left = dict.fromkeys(range(3), rms(0.05))
+    found = judges(left, joint_rad=times * LOCAL * ENGINES_RAD)
+    assert found.over_noise(BASE, FITS) < FITTED
+    assert found.consistent(BASE) is expected
 
 
 @pytest.mark.parametrize(
