@@ -215,9 +215,12 @@ class RobotJudges:
 
         It must take off ``least``, and make samples (``seen`` with it) no worse. Where without it
         tolerances stand in for something, and with it none do, those had foretold recordings that
-        judge as well: it may be worse there by that much, and samples a little.
+        judge as well: it may be worse there by that much, and samples a little. But not beside
+        another name: that may be what they stand in for.
         """
         frees = bool(self.strained(without)) and not self.strained(now)
+        if frees and len(now.names) > 1:
+            frees = self.outside(now) < self.outside(without)
         allowed = self.samples(without).steady * (1.0 + SPOILT if frees else 1.0)
         if seen.steady >= allowed:
             return -np.inf

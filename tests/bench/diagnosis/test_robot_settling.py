@@ -195,6 +195,10 @@ class Given(RobotJudges):
     whole: ClassVar = {}
     floor_square = 1.0
     stand_in: ClassVar = frozenset()
+    costs: ClassVar = {}
+
+    def outside(self, found):
+        return self.costs[found.names]
 
     def strained(self, found):
         return ("gain",) if found.names in self.stand_in else ()
@@ -213,13 +217,14 @@ class Given(RobotJudges):
         return SimpleNamespace(names=left)
 
 
-def kept(phases, seen=None, whole=None, stand_in=()):
+def kept(phases, seen=None, whole=None, stand_in=(), costs=None):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
     own = Given(search, None, FITS, JUDGES, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
+    Given.costs = costs or {}
     gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
@@ -261,6 +266,15 @@ def test_a_name_that_tolerances_had_stood_in_for_need_not_be_better_where_they_f
     for samples, names in ((1.0 + 0.9 * SPOILT, ("a",)), (1.0 + 1.1 * SPOILT, ())):
         worse = {(): 1.0, ("a",): samples}
         assert kept({(): before} | slightly, worse, stand_in=[()]) == names
+
+
+@pytest.mark.parametrize(("outside", "names"), [(-1.0, ("a", "b")), (1.0, ("a",))])
+def test_beside_another_a_name_that_tolerances_stood_in_for_must_gain_where_it_is_judged(
+    outside, names
+):
+    squares = {(): 9.0, ("a",): 2.0, ("b",): 9.0, ("a", "b"): 2.1}
+    costs = dict.fromkeys(squares, 100.0) | {("a", "b"): 100.0 + outside}
+    assert kept(squares, stand_in=[("a",)], costs=costs) == names
 
 
 def test_names_that_make_whole_recordings_much_worse_go_until_they_do_not():
