@@ -26,7 +26,7 @@ Row = tuple[Features, Floats, Floats]
 
 #: times what engines differ by, from which structure is called unexplained; nulls have 0.5
 MORE = 1.0
-#: times the same of one joint in one phase; ten nulls of two other engines had 0.8 to 1.3 at most
+#: times the same of one joint in one phase; six nulls of two other engines had 0.8 to 1.2 at most
 LOCAL = 2.0
 LOCAL_SHARE = 0.5  #: of one joint's squared rest in one phase that must be foretold; assumed
 MISFIT = 3.0  #: times the same that a rest may be before it is unexplained, foretold or not
