@@ -254,18 +254,18 @@ class Work:
         """Named causes, what would tell them from their rivals, and what they add to the file."""
         causes, nexts = [], []
         placed: list[tuple[Any, Mapping[str, Estimate]]] = []
-        before, floor = self.held.square(found.base, self.judges), self.held.floor_square
+        explainable = self.held.explainable(found.base, after)
         found = self.held.undenied(found)
         for gain in taken:
             without = self.held.without(found.base, after, gain.name)
-            explained = self.held.explained(without, after, before - floor)
+            explained = self.held.explained(without, after, explainable)
             held_out = gain.deflated
             if gain.held_out is not None:
                 held_out = gain.held_out / gain.inflation
             elif self.held_out:
                 held_out = (self.held.outside(without) - self.held.outside(after)) / gain.inflation
             cause = cause_of(self.search, found, gain, after, explained, held_out)
-            causes.append(beside_rest(cause, rest.foretold, before - floor))
+            causes.append(beside_rest(cause, rest.foretold, explainable))
             placed.append((self.model.placed[gain.name], cause.parameters))
             if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):
                 self.tell(f"what would tell {gain.name} from its rivals")

@@ -101,10 +101,19 @@ class RobotJudges:
         own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
         return float(np.mean(np.concatenate(own))) if own else 0.0
 
+    def explainable(self, base: RobotFit, now: RobotFit) -> float:
+        """How much of the misfit where it is judged can be explained [rad^2]; 0 or less: nothing.
+
+        All above the floor, or what a fit that goes below that has taken away: several names each
+        have their own part of it then.
+        """
+        before, floor = self.square(base, self.judges), self.floor_square
+        return before - (min(floor, self.square(now, self.judges)) if before > floor else floor)
+
     def explained(self, without: RobotFit, now: RobotFit, explainable: float) -> float:
         """Share of the misfit where it is judged that a name takes away, -1 to 1.
 
-        ``explainable`` [rad^2] is all of the positions' misfit above the floor. Where tolerances
+        ``explainable`` [rad^2] is of positions, as :meth:`explainable` has it. Where tolerances
         leave none of that, a name shows in voltages, if anywhere.
         """
         if explainable > 0.0:

@@ -422,3 +422,20 @@ def test_what_a_name_explains_is_of_positions_or_else_of_voltages(
     monkeypatch.setattr(RobotJudges, "square", of(squares))
     monkeypatch.setattr(RobotJudges, "volts_more", of(volts))
     assert made.explained(BASE, with_it, explainable) == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "explainable"),
+    [
+        (5.0, 2.0, 4.0),  # all above the floor, though some is left
+        (5.0, 0.4, 4.6),  # what goes below that as well
+        (0.9, 0.4, -0.1),  # nothing, where tolerances leave none
+    ],
+)
+def test_what_can_be_explained_is_what_is_above_the_floor_and_what_goes_below_it(
+    before, now, explainable
+):
+    own = Given(None, None, FITS, JUDGES, held_out=True)
+    Given.phases = {(): before, ("a",): now}
+    base, found = (SimpleNamespace(names=names) for names in ((), ("a",)))
+    assert own.explainable(base, found) == pytest.approx(explainable)
