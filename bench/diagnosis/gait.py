@@ -118,6 +118,8 @@ def _touch_down(
 def commanded_lift(goals: Goals, robot: Robot, t_s: Floats) -> NDArray[np.bool_]:
     """Whether every commanded foot is in swing, shape (instants, legs)."""
     legs = Legs.of(robot)
+    if not len(t_s):
+        return np.empty((0, len(legs.names)), bool)
     there = {joint: held_at(goals[joint], t_s) for joint in goals}
     rest = dict.fromkeys(legs.joints, np.zeros(len(t_s)))
     height = feet_m(legs, rest | there)[:, :, 2]
@@ -184,6 +186,8 @@ class Bins:
         Neighbouring bins share their spread, as few turns tell little of it.
         """
         there = self.bin >= 0
+        if not there.any():
+            return np.zeros(len(self.t_s))
         size = (self.turns, len(self.t_s))
         flat = self.turn[there] * size[1] + self.bin[there]
         counts = np.bincount(flat, minlength=size[0] * size[1]).reshape(size)

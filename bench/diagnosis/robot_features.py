@@ -216,10 +216,12 @@ class Features:
 
     def like(self, other: Features) -> bool:
         """Whether what changes a robot does the same to both: walks, or one motion, of one load."""
-        if _weights(self.course) != _weights(other.course) or not self.rows_like(other):
-            return False
+        return _weights(self.course) == _weights(other.course) and self.shows(other)
+
+    def shows(self, other: Features) -> bool:
+        """Whether what changes a robot does much the same to both: walks, or one motion."""
         walk = self.phase is not None and other.phase is not None
-        return walk or self._told_like(other)
+        return self.rows_like(other) and (walk or self._told_like(other))
 
     def repeats(self, other: Features) -> bool:
         """Whether two recordings are of one motion, walk or not, with one load."""
@@ -265,12 +267,17 @@ def first_of(
 def shown_by(
     features: Sequence[Features], motion: Sequence[int], judging: Collection[int]
 ) -> tuple[int, ...]:
-    """For each recording the motion whose traces and curves are taken for its own."""
+    """For each recording the motion whose traces and curves are taken for its own.
+
+    Of walks that are fitted their own. Where there is no gait replays are long, and one motion
+    stands for all loads.
+    """
     fitted = [m for q, m in enumerate(motion) if q not in judging]
     found = []
     for r, own in enumerate(motion):
-        others = [m for m in fitted if features[m].rows_like(features[r])]
-        found.append(own if own in fitted or not others else others[0])
+        others = [m for m in fitted if features[m].shows(features[r])]
+        walks = own in fitted and features[r].phase is not None
+        found.append(own if walks or not others else others[0])
     return tuple(found)
 
 

@@ -112,6 +112,8 @@ def traces(robot: Robot, before: Sequence[Judgement], after: Sequence[Judgement]
         course = one.course
         for j, mount in enumerate(robot.servos):
             t = course.sample_s[j]
+            if not len(t):
+                continue
             leg = legs.index(mount.joint.split(".", maxsplit=1)[0])
             lifted = commanded_lift(course.goals, robot, t)[:, leg]
             angles = (

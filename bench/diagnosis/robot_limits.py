@@ -41,6 +41,7 @@ def limits(
             "one load in all recordings that were fitted: what gives way under load and what "
             "is merely elsewhere are hard to tell apart; walk with a weight on the trunk"
         )
+    said += unread(model, range(len(model.features)))
     if not held_out:
         said.append("no recording was held out: what is named was judged on what was fitted")
     far = [
@@ -51,6 +52,26 @@ def limits(
     if far:
         said.append(f"taken far outside of what was believed without being named: {', '.join(far)}")
     return tuple(said)
+
+
+def unread(model: RobotModel, which: Sequence[int]) -> tuple[str, ...]:
+    """What is to be said of joints that some recordings did not read."""
+    said: dict[tuple[str, ...], list[str]] = {}
+    for r in which:
+        course = model.features[r].course
+        missing = [
+            joint.name
+            for joint, t in zip(model.base.joints, course.sample_s, strict=True)
+            if not len(t)
+        ]
+        if missing:
+            said.setdefault(tuple(missing), []).append(course.name)
+    return tuple(
+        f"nobody read {len(missing)} of {len(model.base.joints)} joints in "
+        f"{', '.join(names)} ({', '.join(missing)}): they are taken to do what they were told, "
+        "and nothing is said of them; read present_position of all"
+        for missing, names in said.items()
+    )
 
 
 def stand_in(ends: Sequence[str]) -> tuple[str, ...]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.recording import Recording, RecordingError, joint_track
+from bench.recording import JointTrack, Recording, RecordingError, joint_track
 from bench.recording.rules import READ
 from busemu.tables import Robot
 from sim.drive import fields
@@ -21,6 +21,7 @@ from sim.tree import SEGMENTS, PhysicalRobot
 from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
 from .commands import drive_commands
+from .observed import held_at
 
 Floats = NDArray[np.float64]
 
@@ -37,9 +38,10 @@ SETTLE_S = 1.0  #: in which a replay that begins in the middle of a course only 
 class Course:
     """What a robot was told in one recording, and when each joint was sampled; for replays.
 
-    Joints are in the order of the robot file's servos. ``start`` (commands, joints) holds the
-    drives' commands at first; ``events`` (n, 4) are time [s since the first], joint, field of
-    :mod:`sim.drive.fields` and value, in order of time. Angles are the joints' own.
+    A joint that nobody read has no samples, and does in replays what it was told. Joints are in the
+    order of the robot file's servos. ``start`` (commands, joints) holds the drives' commands at
+    first; ``events`` (n, 4) are time [s since the first], joint, field of :mod:`sim.drive.fields`
+    and value, in order of time. Angles are the joints' own.
     """
 
     name: str
@@ -63,33 +65,42 @@ class Course:
         return max(float(t[-1]) for t in self.sample_s if len(t))
 
     def at(self, t_s: float) -> Floats:
-        """Recorded angles of all joints at an instant [rad]."""
-        every = zip(self.sample_s, self.position_rad, strict=True)
-        return np.array([np.interp(t_s, t, angle) for t, angle in every])
+        """Recorded angles of all joints at an instant [rad], or goals where nobody read."""
+        every = zip(self.goals.values(), self.sample_s, self.position_rad, strict=True)
+        return np.array(
+            [
+                np.interp(t_s, t, angle) if len(t) else held_at(goal, np.array([t_s]))[0]
+                for goal, t, angle in every
+            ]
+        )
 
 
 def course(recording: Recording, robot: Robot) -> Course:
     """What a recording tells of a whole robot. Raises :class:`RecordingError`."""
     tracks = {mount.joint: joint_track(recording, mount.joint, robot) for mount in robot.servos}
     waits = {mount.joint: _waits_s(recording, mount.servo_id) for mount in robot.servos}
-    seen = [track for track in tracks.values() if len(track.position_t_s) >= LEAST_SAMPLES]
-    if len(seen) < len(tracks):
-        missing = next(j for j, t in tracks.items() if len(t.position_t_s) < LEAST_SAMPLES)
+    seen = [joint for joint, t in tracks.items() if len(t.position_t_s) >= LEAST_SAMPLES]
+    if not seen:
         raise RecordingError(
             recording.path,
-            f"fewer than {LEAST_SAMPLES} positions of {missing}: a whole robot is diagnosed from "
-            "recordings that read present_position of every joint",
+            f"fewer than {LEAST_SAMPLES} positions of every joint: a whole robot is diagnosed from "
+            "recordings that read present_position",
         )
-    origin = min(float(track.position_t_s[0]) for track in seen) - 1e-3
+    for joint in tracks.keys() - seen:
+        tracks[joint], waits[joint] = _unread(tracks[joint], recording), np.empty(0)
+    origin = min(float(tracks[joint].position_t_s[0]) for joint in seen) - 1e-3
     starts, events, firsts = [], [], []
     for number, mount in enumerate(robot.servos):
         track = tracks[mount.joint]
-        servo_rad = np.array([mount.to_servo(angle) for angle in track.position_rad.tolist()])
+        times, angles = track.position_t_s, track.position_rad
+        if mount.joint not in seen:
+            times, angles = np.array([origin]), track.goal_rad[:1]
+        servo_rad = np.array([mount.to_servo(angle) for angle in angles.tolist()])
         table = robot.tables[mount.servo_id]
-        start, rows = drive_commands(recording, mount, table, track.position_t_s, servo_rad, origin)
+        start, rows = drive_commands(recording, mount, table, times, servo_rad, origin)
         starts.append(start)
         events.append(np.insert(rows, 1, float(number), axis=1))
-        firsts.append(track.position_rad[0])
+        firsts.append(angles[0])
     stacked = np.concatenate(events)
     watched = recording.observed(HEIGHT)
     return Course(
@@ -109,6 +120,17 @@ def course(recording: Recording, robot: Robot) -> Course:
         height=(watched.t_sample_s - origin, watched.value) if len(watched.value) else None,
         voltage=_voltage(recording, robot, origin),
     )
+
+
+def _unread(track: JointTrack, recording: Recording) -> JointTrack:
+    """A joint of which nobody knows more than what it was told."""
+    if not len(track.goal_rad):
+        raise RecordingError(
+            recording.path,
+            f"{track.joint} was neither read nor told anything: a whole robot is diagnosed from "
+            "recordings that write goal_position of every joint, or read its present_position",
+        )
+    return replace(track, position_t_s=np.empty(0), position_rad=np.empty(0))
 
 
 def _voltage(recording: Recording, robot: Robot, origin_s: float) -> tuple[Floats, Floats] | None:

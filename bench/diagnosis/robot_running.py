@@ -20,6 +20,7 @@ from .robot_effects import OUTSIDE, placed_effects
 from .robot_improved import write_model
 from .robot_judging import traces
 from .robot_picture import phase_figure
+from .robot_shutdown import before_shutdowns
 from .robot_stops import past_stops
 from .running import Split
 from .sense import DiagnosisError
@@ -53,13 +54,17 @@ def run_robot(
 ) -> Answers:
     """Diagnose a legged robot and write ``diagnosis.json``, ``model.toml`` and ``phase.png``.
 
-    Stops that recordings went past are out of the way, in ``model.toml`` as well. ``known`` is what
+    Stops that recordings went past are out of the way, in ``model.toml`` as well; what follows
+    where a servo shut itself down is not compared. ``known`` is what
     is odd about the recordings, for the limits. Raises :class:`DiagnosisError`,
     :class:`bench.recording.RecordingError` and :class:`sim.entries.PhysicsError`.
     """
     check_names(robot, without)
     robot, moved = past_stops(robot, (*parts.fitted, *parts.judging))
-    known = (*moved, *known)
+    fitted, cut = before_shutdowns(robot, parts.fitted)
+    judging, cut_too = before_shutdowns(robot, parts.judging)
+    parts = Split(fitted, judging)
+    known = (*moved, *cut, *cut_too, *known)
     try:
         found = diagnose_robot(
             robot,

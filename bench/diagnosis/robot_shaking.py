@@ -51,7 +51,8 @@ class Shaking:
         phases = []
         for t, up, walks in zip(sample_s, lifted, steady, strict=True):
             waits = np.diff(t)
-            even = np.maximum(waits[1:], waits[:-1]) < EVEN * np.median(waits)
+            usual = np.median(waits) if len(waits) else 0.0
+            even = np.maximum(waits[1:], waits[:-1]) < EVEN * usual
             phases.append(np.where(even & walks[1:-1], up[1:-1].astype(np.intp), -1))
         return cls(tuple(t[1:-1] for t in sample_s), tuple(phases), quantum_rad)
 

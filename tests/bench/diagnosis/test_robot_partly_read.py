@@ -1,0 +1,198 @@
+"""Recordings of a whole robot that read only some of its joints, or in which a servo shut down."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pytest
+from walking_robots import believed, marvin, recorded_walk, walked, walked_with
+
+from bench.diagnosis.robot_features import Features, shown_by
+from bench.diagnosis.robot_judging import Judgement, traces
+from bench.diagnosis.robot_limits import unread
+from bench.diagnosis.robot_model import RobotKind, RobotModel
+from bench.diagnosis.robot_replay import course, play
+from bench.diagnosis.robot_shutdown import before_shutdowns
+from bench.recording import Recording, RecordingError, joint_track
+
+READ = ("leg1", "leg4")
+JOINTS = [mount.joint for mount in marvin().servos]
+SILENT = [j for j, joint in enumerate(JOINTS) if joint.partition(".")[0] not in READ]
+SPOKEN = [j for j in range(len(JOINTS)) if j not in SILENT]
+
+
+def of_rows(recording, keep):
+    """The recording with the rows that a mask keeps."""
+    return Recording.checked(recording.table.filter(keep), recording.metadata)
+
+
+def without_reads(recording, servo_ids):
+    table = recording.table
+    own = pc.is_in(
+        table.column("servo_id"), pa.array(servo_ids, table.schema.field("servo_id").type)
+    )
+    read = pc.equal(table.column("op").cast(pa.string()), "read")
+    return of_rows(recording, pc.invert(pc.and_(own, read)))
+
+
+def ids(joints):
+    return [marvin().by_joint[JOINTS[j]].servo_id for j in joints]
+
+
+@pytest.fixture(scope="module")
+def partly():
+    return without_reads(recorded_walk(), ids(SILENT))
+
+
+def test_joints_that_nobody_read_are_replayed_as_told_and_compared_nowhere(partly):
+    told, whole = course(partly, marvin()), walked()
+    assert [j for j, t in enumerate(told.sample_s) if not len(t)] == SILENT
+    for j in SPOKEN:
+        assert np.array_equal(told.position_rad[j], whole.position_rad[j])
+    goals = [joint_track(partly, JOINTS[j], marvin()).goal_rad[0] for j in SILENT]
+    assert told.first_rad[SILENT] == pytest.approx(goals)
+    features = Features.of(told, marvin())
+    assert sorted(set(features.joint_row.tolist())) == SPOKEN
+    track = play(believed(), told)
+    means = features.of_track(track)
+    assert np.isfinite(means.angle_rad).all()
+    assert np.sqrt(np.mean((means.angle_rad - features.position_rad) ** 2)) < 0.002
+    assert np.isfinite(features.scatter(track)).all()
+
+
+def test_where_a_replay_begins_in_the_middle_unread_joints_are_at_their_goals(partly):
+    told = course(partly, marvin())
+    at = told.at(2.0)
+    assert at[SPOKEN] == pytest.approx(walked().at(2.0)[SPOKEN], abs=0.002)
+    for j in SILENT:
+        goal_t, goal = told.goals[JOINTS[j]]
+        assert at[j] == goal[goal_t <= 2.0][-1]
+
+
+def test_a_joint_that_was_neither_read_nor_told_is_an_error(partly):
+    table = partly.table
+    (silent,) = ids(SILENT[:1])
+    with pytest.raises(RecordingError, match=f"{JOINTS[SILENT[0]]} was neither read nor told"):
+        course(of_rows(partly, pc.not_equal(table.column("servo_id"), silent)), marvin())
+
+
+def test_a_recording_that_reads_no_positions_is_an_error():
+    with pytest.raises(RecordingError, match="fewer than 20 positions of every joint"):
+        course(without_reads(recorded_walk(), ids(range(len(JOINTS)))), marvin())
+
+
+def test_pictures_are_of_joints_that_were_read(partly):
+    told = course(partly, marvin())
+    one = Judgement(told, told.position_rad)
+    assert [trace.joint for trace in traces(marvin(), [one], [one])] == [JOINTS[j] for j in SPOKEN]
+
+
+def test_a_diagnosis_says_which_joints_nobody_read(partly):
+    every = [Features.of(c, marvin()) for c in (course(partly, marvin()), walked())]
+    model = SimpleNamespace(features=every, base=believed())
+    assert unread(model, [1]) == ()
+    (told,) = unread(model, [0, 1])
+    assert told.startswith("nobody read 12 of 18 joints in walk-1 (leg2.coxa,")
+
+
+def test_residuals_and_what_tolerances_do_are_of_joints_that_were_read():
+    blank = [np.empty(0) if j in SILENT else None for j in range(len(JOINTS))]
+    one = walked_with({"gain_error@leg4": 2.0}, 21)
+    told = replace(
+        one,
+        **{
+            name: tuple(
+                own if gone is None else gone
+                for own, gone in zip(getattr(one, name), blank, strict=True)
+            )
+            for name in ("sample_s", "wait_s", "position_rad")
+        },
+    )
+    known = ("zero", "centre", "tilt", "grip", "supply", "mass", "friction", "strength")
+    with RobotModel(believed(), marvin(), [told], without=known, processes=1) as model:
+        nothing = np.zeros(len(model.nuisances))
+        assert np.isfinite(model.traces[0][RobotKind.JOINTS]).all()
+        block = model.residuals((), nothing, [0])[0, RobotKind.JOINTS]
+        assert len(block.value) == len(model.features[0].bin)
+        squares = [
+            float(np.mean(block.value[model.features[0].joint_row == j] ** 2)) for j in SPOKEN
+        ]
+        off = {JOINTS[j] for j, x in zip(SPOKEN, squares, strict=True) if x > 4.0 * min(squares)}
+        assert "leg4.femur" in off
+        assert not any(joint.startswith("leg1") for joint in off)
+
+
+def with_torque_reads(values, written=()):
+    """The walk with reads of ``torque_enable`` of servo 5 every second; and writes [s, value]."""
+    walk = recorded_walk()
+    first = float(walk.t_s[0])
+    rows = [
+        {"t_s": first + 1.0 + k, "op": "read", "raw": float(value), "t_reply_s": first + 1.001 + k}
+        for k, value in enumerate(values)
+    ] + [
+        {"t_s": first + t, "op": "write", "raw": float(x), "t_reply_s": float("nan")}
+        for t, x in written
+    ]
+    own = [row | {"servo_id": 5, "register": "torque_enable"} for row in rows]
+    schema = walk.table.schema
+    more = pa.Table.from_pylist([dict.fromkeys(schema.names) | row for row in own])
+    plain = {
+        name: walk.table.column(name).cast(more.schema.field(name).type)
+        for name in ("op", "register")
+    }
+    table = walk.table
+    for name, column in plain.items():
+        table = table.set_column(table.schema.get_field_index(name), name, column)
+    both = pa.concat_tables([table, more.cast(table.schema)]).sort_by("t_s")
+    return Recording.checked(both, walk.metadata), first
+
+
+def test_what_follows_where_a_servo_shut_itself_down_is_left_out():
+    walk, first = with_torque_reads([1, 1, 0, 0])
+    (kept,), (told,) = before_shutdowns(marvin(), [walk])
+    assert float(kept.t_s[-1]) == pytest.approx(first + 2.0)
+    assert len(kept) == np.sum(walk.t_s <= kept.t_s[-1])
+    assert float(walk.t_s[-1]) > first + 4.0
+    joint = marvin().by_id[5].joint
+    assert told == (
+        f"walk-1: {joint} shut itself down after {first + 2.0:.2f} s; what follows is not compared"
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "written"),
+    [
+        ([1, 1, 1], []),
+        ([0, 0, 1, 1], []),  # it was off, and was switched on
+        ([1, 1, 0], [(2.5, 0)]),  # somebody switched it off
+    ],
+)
+def test_what_nobody_but_the_host_switched_is_kept(values, written):
+    walk, _ = with_torque_reads(values, written)
+    assert before_shutdowns(marvin(), [walk]) == ((walk,), ())
+
+
+def like(walks, rows, told):
+    """Features of a kind of rows and of goals, which walk or do not."""
+    one = SimpleNamespace(phase=object() if walks else None, rows=rows, told=told)
+    one.shows = lambda other: (
+        one.rows == other.rows and ((walks and other.phase is not None) or one.told == other.told)
+    )
+    return one
+
+
+def test_where_there_is_no_gait_one_motion_stands_for_all_loads():
+    lying = [like(False, 9, "a"), like(False, 9, "a"), like(False, 9, "b"), like(False, 8, "a")]
+    assert shown_by(lying, (0, 1, 2, 3), ()) == (0, 0, 2, 3)
+    walking = [like(True, 9, "a"), like(True, 9, "a"), like(True, 9, "b")]
+    assert shown_by(walking, (0, 1, 2), ()) == (0, 1, 2)
+    assert shown_by(walking, (0, 1, 2), (2,)) == (0, 1, 0)
+
+
+def test_another_motion_does_not_stand_for_one_that_only_judges():
+    lying = [like(False, 9, "a"), like(False, 9, "b")]
+    assert shown_by(lying, (0, 1), (1,)) == (0, 1)
