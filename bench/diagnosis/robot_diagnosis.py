@@ -148,9 +148,10 @@ class Work:
             held_out=self.held_out,
             recordings=tuple(model.observed[r].name for r in self.judges),
         )
-        ends = () if causes else self.held.strained(after)
+        ends = () if causes else self.held.strained(after, found.in_vain)
+        unlike = not causes and self.held.unlike(after)
         volts = self.held.volts_denied(after)
-        left = bool(ends or volts) or rest.structured or worsened(causes, fit)
+        left = bool(ends or volts or unlike) or rest.structured or worsened(causes, fit)
         verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
@@ -158,7 +159,7 @@ class Work:
             mismatch=self._mismatch(found, whole) if verdict != "consistent" else (),
             causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
             fit=fit,
-            unexplained=rest.told() if rest.structured or ends else (),
+            unexplained=rest.told() if rest.structured or ends or unlike else (),
             next_experiment=tuple(nexts),
             limits=(
                 *limits(model, after, self.which, self.held_out),

@@ -59,6 +59,12 @@ class RobotFindings:
     alike: Mapping[str, tuple[tuple[str, float], ...]]
     screened: tuple[Screened, ...]
 
+    @property
+    def in_vain(self) -> frozenset[str]:
+        """What was fitted to the end, which groups left out tell, and gained nothing anywhere."""
+        ended = [g for step in self.tried for g in step if g.held_out is not None]
+        return frozenset(g.name for g in ended) - {g.name for g in ended if g.nats > 0.0}
+
 
 def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:
     """Gains of one step divided by one inflation, the mean of those that gain; best first.

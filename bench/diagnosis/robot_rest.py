@@ -178,11 +178,9 @@ def _places(model: RobotModel, rows: Sequence[Row]) -> tuple[Place, ...]:
 
 
 def _same_bins(model: RobotModel, one: int, other: int) -> bool:
-    """Whether bins mean the same: both of a gait's phase, or windows of one motion."""
+    """Whether bins mean the same: both of a gait's phase, or windows of one motion, loads aside."""
     a, b = model.features[one], model.features[other]
-    if a.phase is not None and b.phase is not None:
-        return True
-    return model.motion[one] == model.motion[other]
+    return (a.phase is not None and b.phase is not None) or a.shows(b)
 
 
 def _as_rows(source: Features, value: Floats, target: Features) -> Floats:

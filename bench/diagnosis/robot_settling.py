@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from .robot_features import RobotKind
 from .robot_fit import RobotFit, voltage_noise
 from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_settings
-from .robot_judging import judge, rmse_rad, steady_rmse_rad
+from .robot_judging import floor_rad, judge, rmse_rad, steady_rmse_rad
 from .robot_model import Progress, RobotModel
 from .robot_rest import Rest, rest_of
 from .robot_search import AT_END, RobotSearch
@@ -26,6 +26,9 @@ from .robot_steps import WORSE
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
 FITTED, JUDGED = 0.6, 1.8
+#: RMS of walked samples over that of a sound model, up to which recordings that judge are as
+#: believed; eleven nulls of the other engine had 1.0 to 1.4
+SAMPLES = 1.6
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 ENDS = 1  #: so many of 15 tolerances may be at their ends; ten nulls of another engine had 0 or 1
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
@@ -75,13 +78,18 @@ class RobotJudges:
         Of recordings that it was fitted to tolerances take much away; on others they cannot. Nor is
         a robot as believed of which several tolerances have gone to their ends: something is the
         matter for which they stand in. Nor one whose servos show another voltage, or one joint of
-        which is off by itself: the mean over all hides that.
+        which is off by itself: the mean over all hides that. Nor one whose samples are far off:
+        what differs from turn to turn counts as noise of the means.
         """
         if len(self.at_ends(base)) > ENDS or self.volts_denied(base):
             return False
         fitted = self.over_noise(base, self.which) < FITTED
         judged = not self.held_out or self.over_noise(base, self.judges) < JUDGED
-        return fitted and judged and not self.rest(base).local
+        return fitted and judged and not self.rest(base).local and not self.unlike(base)
+
+    def unlike(self, found: RobotFit) -> bool:
+        """Whether walked samples of recordings that judge are farther off than noise."""
+        return self.samples(found).steady > (SAMPLES * floor_rad(self.model, self.judges)) ** 2
 
     def rest(self, found: RobotFit) -> Rest:
         """What a fit leaves where it is judged, by exact replays."""
@@ -139,13 +147,17 @@ class RobotJudges:
             alike[gain.name] = tuple(p for p in alike.get(gain.name, ()) if p[0] not in denied)
         return replace(found, tried=tuple(tried), alike=alike)
 
-    def strained(self, found: RobotFit) -> tuple[str, ...]:
+    def strained(self, found: RobotFit, let_go: Collection[str] = ()) -> tuple[str, ...]:
         """Tolerances at their ends, if they stand in for something that has no name.
 
         That takes more of them than where nothing is the matter, and all of the whole robot's
         together farther off than their priors have it: fits draw them towards what is believed.
+        One that gains nothing where it may go farther, as an effect that was fitted to the end
+        (``let_go``), is not pushed there.
         """
-        names = self.at_ends(found)
+        by_name = {n.name: n for n in self.model.nuisances}
+        at_ends = self.at_ends(found)
+        names = [name for name in at_ends if not set(let_go).intersection(by_name[name].same)]
         pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
         squares = [z**2 for n, z in pairs if n.same]
         return tuple(names) if len(names) > ENDS and sum(squares) > len(squares) else ()

@@ -22,6 +22,7 @@ from bench.diagnosis.robot_settling import (
     JUDGED,
     LITTLE,
     NO_BETTER,
+    SAMPLES,
     SPOILT,
     VOLTS_OFF,
     RobotJudges,
@@ -43,6 +44,16 @@ ROWS = SimpleNamespace(
     goal_rad=np.sin(np.arange(100)),
     position_rad=np.sin(np.arange(100)),
 )
+
+
+class Walked(RobotJudges):
+    """Judges that have seen samples so far off, RMS [rad]."""
+
+    __slots__ = ()
+    steady_rad: ClassVar = 0.0
+
+    def samples(self, found):
+        return Squares(self.steady_rad**2, self.steady_rad**2)
 
 
 def judges(left, held_out=True, volts=None, joint_rad=0.0):
@@ -70,14 +81,15 @@ def judges(left, held_out=True, volts=None, joint_rad=0.0):
         residuals=residuals,
         nuisances=TOLERANCES,
         features=[ROWS] * 3,
+        motion=[0, 0, 0],
+        spread={0: {RobotKind.JOINTS: np.zeros(100)}},
+        quantum_rad=0.0,
         base=SimpleNamespace(
             supply=SimpleNamespace(voltage_v=SUPPLY_V),
             joints=[SimpleNamespace(name=f"leg{n}.femur") for n in range(10)],
         ),
     )
-    return RobotJudges(
-        SimpleNamespace(model=model), None, FITS, JUDGES if held_out else FITS, held_out
-    )
+    return Walked(SimpleNamespace(model=model), None, FITS, JUDGES if held_out else FITS, held_out)
 
 
 def taken_as(*z):
@@ -118,6 +130,14 @@ def test_what_is_left_is_told_in_squares_of_noise():
 def test_a_robot_is_as_believed_where_neither_leaves_more_than_noise(fitted, judged, expected):
     left = {0: rms(fitted), 1: rms(fitted), 2: rms(judged)}
     assert judges(left).consistent(BASE) is expected
+
+
+@pytest.mark.parametrize(("times", "expected"), [(0.95, True), (1.05, False)])
+def test_a_robot_is_not_as_believed_whose_samples_are_far_off(monkeypatch, times, expected):
+    monkeypatch.setattr(Walked, "steady_rad", times * SAMPLES * ENGINES_RAD)
+    found = judges(dict.fromkeys(range(3), rms(0.05)))
+    assert found.unlike(BASE) is not expected
+    assert found.consistent(BASE) is expected
 
 
 @pytest.mark.parametrize(("times", "expected"), [(0.9, True), (1.2, False)])
@@ -169,6 +189,25 @@ def test_a_robot_is_not_as_believed_where_tolerances_stand_at_their_ends(toleran
 )
 def test_tolerances_stand_in_for_something_where_several_are_at_their_ends(tolerances, expected):
     assert judges({}).strained(taken_as(*tolerances)) == expected
+
+
+def test_a_tolerance_that_gains_nothing_where_it_may_go_farther_stands_in_for_nothing():
+    found, ends = judges({}), taken_as(2.0, -2.0, 2.0, 0.0)
+    every = tuple(n.name for n in TOLERANCES[:3])
+    assert found.strained(ends) == every
+    assert found.strained(ends, {"supply_voltage"}) == (every[0], every[2])
+    assert found.strained(ends, {"supply_voltage", "foot_slip"}) == ()
+
+
+def test_in_vain_was_what_was_fitted_to_the_end_and_gained_nothing_in_any_step():
+    def gain(name, nats, held_out=0.0):
+        return RobotGain(name, taken_as(), nats, 1.0, held_out)
+
+    steps = (
+        (gain("slip", 9.0), gain("tilt", -3.0), gain("mass", -40.0, None)),
+        (gain("tilt", -1.0), gain("slip", -5.0)),
+    )
+    assert RobotFindings(BASE, BASE, (), steps, {}, ()).in_vain == {"tilt"}
 
 
 def test_two_at_their_ends_among_many_that_are_near_stand_in_for_nothing():
