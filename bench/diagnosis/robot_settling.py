@@ -27,7 +27,7 @@ from .robot_steps import WORSE
 #: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
 FITTED, JUDGED = 0.6, 1.8
 #: RMS of walked samples over that of a sound model, up to which recordings that judge are as
-#: believed; eleven nulls of the other engine had 1.0 to 1.4
+#: believed; ten nulls of the other engine had 1.0 to 1.4
 SAMPLES = 1.6
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 ENDS = 1  #: so many of 15 tolerances may be at their ends; ten nulls of another engine had 0 or 1

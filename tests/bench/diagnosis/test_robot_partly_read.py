@@ -196,3 +196,14 @@ def test_where_there_is_no_gait_one_motion_stands_for_all_loads():
 def test_another_motion_does_not_stand_for_one_that_only_judges():
     lying = [like(False, 9, "a"), like(False, 9, "b")]
     assert shown_by(lying, (0, 1), (1,)) == (0, 1)
+
+
+def test_where_there_is_no_gait_only_the_same_motion_shows_what_changes_do():
+    one = replace(Features.of(walked(), marvin()), phase=None)
+    heavy = replace(one, course=replace(one.course, condition={"payload_kg": 0.1}))
+    other = replace(one, goal_rad=one.goal_rad + 0.1)
+    assert one.shows(heavy)
+    assert not one.like(heavy)
+    assert not one.shows(other)
+    walk = Features.of(walked(), marvin())
+    assert walk.shows(replace(walk, goal_rad=walk.goal_rad + 0.1))

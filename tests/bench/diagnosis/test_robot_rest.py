@@ -138,3 +138,14 @@ def test_what_is_left_everywhere_is_told_of_all_joints():
     values = [noise(seed) + structure(2.0 * MORE) for seed in (1, 2, 3)]
     rest = rest_of(Left(*values), FOUND, [0, 1], [2])
     assert rest.told()[0]["joints"] == ["leg1.femur", "leg2.femur"]
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_windows_of_time_foretell_those_of_the_same_motion_alone(same):
+    left = Left(*(noise(seed) + structure(2.0 * MORE) for seed in (1, 2)))
+    for features in left.features:
+        features.phase = None
+        features.shows = lambda other: same
+    rest = rest_of(left, FOUND, [0], [1])
+    assert rest.structured is same
+    assert (rest.predicted_rad > 0.0) is same
