@@ -41,7 +41,7 @@ def limits(
             "one load in all recordings that were fitted: what gives way under load and what "
             "is merely elsewhere are hard to tell apart; walk with a weight on the trunk"
         )
-    said += unread(model, range(len(model.features)))
+    said += unread(model, range(len(model.features))) + without_gait(model)
     if not held_out:
         said.append("no recording was held out: what is named was judged on what was fitted")
     far = [
@@ -52,6 +52,18 @@ def limits(
     if far:
         said.append(f"taken far outside of what was believed without being named: {', '.join(far)}")
     return tuple(said)
+
+
+def without_gait(model: RobotModel) -> tuple[str, ...]:
+    """What is to be said of recordings in which a robot does not walk."""
+    names = [f.course.name for f in model.features if f.phase is None]
+    if not names:
+        return ()
+    return (
+        f"no gait in {', '.join(names)}: where a robot that stands comes to rest is chance within "
+        "its friction, and how far sound models differ there was measured of walks alone; names "
+        "are less sure than they say",
+    )
 
 
 def unread(model: RobotModel, which: Sequence[int]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from walking_robots import believed, marvin, recorded_walk, walked, walked_with
 
 from bench.diagnosis.robot_features import Features, shown_by
 from bench.diagnosis.robot_judging import Judgement, traces
-from bench.diagnosis.robot_limits import unread
+from bench.diagnosis.robot_limits import unread, without_gait
 from bench.diagnosis.robot_model import RobotKind, RobotModel
 from bench.diagnosis.robot_replay import course, play
 from bench.diagnosis.robot_shutdown import before_shutdowns
@@ -97,6 +97,13 @@ def test_a_diagnosis_says_which_joints_nobody_read(partly):
     assert unread(model, [1]) == ()
     (told,) = unread(model, [0, 1])
     assert told.startswith("nobody read 12 of 18 joints in walk-1 (leg2.coxa,")
+
+
+def test_a_diagnosis_says_where_a_robot_does_not_walk():
+    walk = Features.of(walked(), marvin())
+    assert without_gait(SimpleNamespace(features=[walk])) == ()
+    (told,) = without_gait(SimpleNamespace(features=[walk, replace(walk, phase=None)]))
+    assert told.startswith("no gait in walk-1: ")
 
 
 def test_residuals_and_what_tolerances_do_are_of_joints_that_were_read():
