@@ -30,7 +30,7 @@ from .robot_rattling import Play, Rattling, told, worsened
 from .robot_replay import course
 from .robot_rest import Rest
 from .robot_search import RobotSearch
-from .robot_settling import RobotJudges
+from .robot_settling import RobotJudges, far_off
 from .watch import OutOfTimeError
 
 Floats = NDArray[np.float64]
@@ -149,7 +149,7 @@ class Work:
             recordings=tuple(model.observed[r].name for r in self.judges),
         )
         ends = () if causes else self.held.strained(after, found.in_vain)
-        unlike = not causes and self.held.unlike(after)
+        unlike = not causes and far_off(fit.after, fit.noise_floor)
         volts = self.held.volts_denied(after)
         left = bool(ends or volts or unlike) or rest.structured or worsened(causes, fit)
         verdict = verdict_of(bool(causes), left)

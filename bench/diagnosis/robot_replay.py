@@ -86,8 +86,9 @@ def course(recording: Recording, robot: Robot) -> Course:
             f"fewer than {LEAST_SAMPLES} positions of every joint: a whole robot is diagnosed from "
             "recordings that read present_position",
         )
-    for joint in tracks.keys() - seen:
-        tracks[joint], waits[joint] = _unread(tracks[joint], recording), np.empty(0)
+    for joint, track in tracks.items():
+        if joint not in seen:
+            tracks[joint], waits[joint] = _unread(track, recording), np.empty(0)
     origin = min(float(tracks[joint].position_t_s[0]) for joint in seen) - 1e-3
     starts, events, firsts = [], [], []
     for number, mount in enumerate(robot.servos):

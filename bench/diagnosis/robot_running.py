@@ -55,8 +55,8 @@ def run_robot(
     """Diagnose a legged robot and write ``diagnosis.json``, ``model.toml`` and ``phase.png``.
 
     Stops that recordings went past are out of the way, in ``model.toml`` as well; what follows
-    where a servo shut itself down is not compared. ``known`` is what
-    is odd about the recordings, for the limits. Raises :class:`DiagnosisError`,
+    where a servo shut itself down is not compared. ``known`` is what is odd about the recordings,
+    for the limits. Raises :class:`DiagnosisError`,
     :class:`bench.recording.RecordingError` and :class:`sim.entries.PhysicsError`.
     """
     check_names(robot, without)

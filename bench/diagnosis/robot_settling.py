@@ -19,6 +19,7 @@ from .robot_gains import RobotFindings, RobotGain
 from .robot_improved import of_settings
 from .robot_judging import floor_rad, judge, rmse_rad, steady_rmse_rad
 from .robot_model import Progress, RobotModel
+from .robot_nuisances import RobotNuisance
 from .robot_rest import Rest, rest_of
 from .robot_search import AT_END, RobotSearch
 from .robot_steps import WORSE
@@ -30,13 +31,18 @@ FITTED, JUDGED = 0.6, 1.8
 #: believed; ten nulls of the other engine had 1.0 to 1.4
 SAMPLES = 1.6
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
-ENDS = 1  #: so many of 15 tolerances may be at their ends; ten nulls of another engine had 0 or 1
+ENDS = 1  #: so many of 15 tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
 #: for; assumed
 SPOILT = 0.1
 SIZES = (-1.0, -0.5, 0.5, 1.0)  #: of what two engines differ by, that a name is asked for at
 NO_BETTER = "recordings that were not used to fit are no better with it"
+
+
+def far_off(rms_rad: float, floor_rad: float) -> bool:
+    """Whether walked samples are farther off than those of a sound model may be."""
+    return rms_rad > SAMPLES * floor_rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +95,7 @@ class RobotJudges:
 
     def unlike(self, found: RobotFit) -> bool:
         """Whether walked samples of recordings that judge are farther off than noise."""
-        return self.samples(found).steady > (SAMPLES * floor_rad(self.model, self.judges)) ** 2
+        return far_off(self.samples(found).steady ** 0.5, floor_rad(self.model, self.judges))
 
     def rest(self, found: RobotFit) -> Rest:
         """What a fit leaves where it is judged, by exact replays."""
@@ -155,17 +161,16 @@ class RobotJudges:
         One that gains nothing where it may go farther, as an effect that was fitted to the end
         (``let_go``), is not pushed there.
         """
-        by_name = {n.name: n for n in self.model.nuisances}
         at_ends = self.at_ends(found)
-        names = [name for name in at_ends if not set(let_go).intersection(by_name[name].same)]
+        names = [n.name for n in at_ends if not set(let_go).intersection(n.same)]
         pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
         squares = [z**2 for n, z in pairs if n.same]
         return tuple(names) if len(names) > ENDS and sum(squares) > len(squares) else ()
 
-    def at_ends(self, found: RobotFit) -> list[str]:
+    def at_ends(self, found: RobotFit) -> list[RobotNuisance]:
         """Tolerances of the whole robot that a fit has taken as far as they may go."""
         pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
-        return [n.name for n, z in pairs if n.same and n.far(z, AT_END)]
+        return [n for n, z in pairs if n.same and n.far(z, AT_END)]
 
     def over_noise(self, found: RobotFit, which: Sequence[int]) -> float:
         """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns."""
