@@ -8,7 +8,7 @@ import pytest
 from bench.diagnosis.noise import Block
 from bench.diagnosis.robot_features import RobotKind
 from bench.diagnosis.robot_model import ENGINES_RAD
-from bench.diagnosis.robot_rest import LOCAL, MISFIT, MORE, rest_of
+from bench.diagnosis.robot_rest import LOCAL, MISFIT, MORE, SHARE, rest_of
 
 JOINTS = [f"leg{n}.{part}" for n in (1, 2) for part in ("coxa", "femur", "tibia")]
 BINS = 24
@@ -149,3 +149,12 @@ def test_windows_of_time_foretell_those_of_the_same_motion_alone(same):
     rest = rest_of(left, FOUND, [0], [1])
     assert rest.structured is same
     assert (rest.predicted_rad > 0.0) is same
+
+
+@pytest.mark.parametrize(("others", "unexplained"), [(-0.3, False), (0.3, True)])
+def test_structure_of_one_recording_that_most_deny_is_none(others, unexplained):
+    shape = structure(1.4 * MORE)
+    rest = rest_of(Left(shape, 3.0 * shape, others * shape, others * shape), FOUND, [0], [1, 2, 3])
+    assert rest.predicted_rad > MORE * ENGINES_RAD
+    assert rest.share > SHARE
+    assert rest.structured is unexplained
