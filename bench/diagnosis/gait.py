@@ -30,6 +30,7 @@ SLOWEST_HZ, FASTEST_HZ = 0.2, 4.0  #: gaits that are looked for; assumed
 RHYTHM = 0.5  #: share of the goals' variance at the fundamental and its first two harmonics
 STRONG = 0.5  #: a cycle counts where the rhythm is as strong, of its usual strength
 EVEN = 0.2  #: and its speed as near the usual one
+NEIGHBOURS = 2  #: bins either side that share their spread with one
 
 Goals = Mapping[str, tuple[Floats, Floats]]  #: by joint: times [s] and angles [rad]
 
@@ -198,9 +199,12 @@ class Bins:
         middle = each.sum(axis=0) / np.maximum(turns, 1)
         squares = (np.where(full, each - middle, 0.0) ** 2).sum(axis=0)
         spare = np.maximum(turns - 1, 0)
-        around = np.ones(5)
-        pooled = np.convolve(squares, around, "same") / np.maximum(
-            np.convolve(spare, around, "same"), 1
-        )
+        pooled = _around(squares) / np.maximum(_around(spare), 1)
         variance: Floats = pooled / np.maximum(turns, 1)
         return variance
+
+
+def _around(value: Floats | Ints) -> Floats:
+    """Sums of each bin and its neighbours, two either side."""
+    found: Floats = np.convolve(np.pad(value, NEIGHBOURS), np.ones(2 * NEIGHBOURS + 1), "valid")
+    return found

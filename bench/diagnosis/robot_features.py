@@ -8,7 +8,7 @@ with the height of the trunk where somebody watched it, and with how much joints
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,6 +30,8 @@ CYCLES = 3.0  #: of a gait, in short replays: over fewer, contacts make means ro
 APART_S = 1000.0  #: between the joints' times in a block, so that noise remembers none of another
 STILL_S = 0.1  #: at the beginning of a recording in which a robot has not moved yet; assumed
 STAND_UP_S = 1.0  #: left out of windows of time at the beginning; assumed
+#: deviation of samples of a window, below which they show one count; one of a dozen may differ
+STILL_COUNTS = 0.3
 ALIKE_RAD = 0.01  #: commanded profiles nearer than this are one motion; two counts of a sensor
 
 
@@ -44,6 +46,18 @@ class RobotKind(enum.Enum):
 
 #: what is compared by its means over the phase
 MEANS = (RobotKind.JOINTS, RobotKind.HEIGHT, RobotKind.VOLTAGE)
+
+
+def by_kind(
+    angle_rad: Floats, height_m: Floats, voltage_v: Floats, shaken: Floats
+) -> dict[RobotKind, Floats]:
+    """Rows by kind, without channels that nobody watched."""
+    found = {RobotKind.JOINTS: angle_rad, RobotKind.SHAKING: shaken}
+    if len(height_m):
+        found[RobotKind.HEIGHT] = height_m
+    if len(voltage_v):
+        found[RobotKind.VOLTAGE] = voltage_v
+    return found
 
 
 class Means(NamedTuple):
@@ -138,6 +152,26 @@ class Features:
         return found
 
     @property
+    def rounding_rad2(self) -> Floats:
+        """Variance of rounding that means keep (rows,), as a joint stands and shows one count."""
+        if self.phase is not None:
+            return np.zeros(len(self.bin))
+        angles = self.course.position_rad
+        away = self.rows([q**2 for q in angles]) - self.position_rad**2
+        still = away < (STILL_COUNTS * self.course.quantum_rad) ** 2
+        return np.where(still, self.course.quantum_rad**2 / 12.0, 0.0)
+
+    @property
+    def recorded(self) -> dict[RobotKind, Floats]:
+        """Rows as they were recorded, by kind."""
+        return by_kind(self.position_rad, self.height_m, self.voltage_v, self.shaken)
+
+    @property
+    def size(self) -> int:
+        """Joint rows."""
+        return len(self.bin)
+
+    @property
     def span(self) -> Span | None:
         """A span of some cycles, with what a replay needs before to settle; or all."""
         if self.phase is None:
@@ -216,19 +250,26 @@ class Features:
 
     def like(self, other: Features) -> bool:
         """Whether what changes a robot does the same to both: walks, or one motion, of one load."""
-        return _weights(self.course) == _weights(other.course) and self.shows(other)
+        alike = _weights(self.course) == _weights(other.course) and len(self.bin) == len(other.bin)
+        return alike and self.shows(other)
 
     def shows(self, other: Features) -> bool:
-        """Whether what changes a robot does much the same to both: walks, or one motion."""
+        """Whether what changes a robot does much the same to both: walks, or one motion.
+
+        The other may have fewer rows, as it ends sooner.
+        """
+        rows = self.rows_of(other)
+        if rows is None:
+            return False
         walk = self.phase is not None and other.phase is not None
-        return self.rows_like(other) and (walk or self._told_like(other))
+        return walk or self._told_like(other, rows[RobotKind.JOINTS])
 
     def repeats(self, other: Features) -> bool:
         """Whether two recordings are of one motion, walk or not, with one load."""
-        return self.like(other) and self._told_like(other)
+        return self.like(other) and self._told_like(other, np.arange(len(self.bin)))
 
-    def _told_like(self, other: Features) -> bool:
-        apart = self.goal_rad - other.goal_rad
+    def _told_like(self, other: Features, rows: NDArray[np.intp]) -> bool:
+        apart = self.goal_rad[rows] - other.goal_rad
         return bool(np.sqrt(np.mean(apart**2)) < ALIKE_RAD)
 
     def of_joint(self, joint: int, kind: RobotKind) -> NDArray[np.bool_]:
@@ -242,15 +283,24 @@ class Features:
         own: NDArray[np.bool_] = rows[kind] == joint
         return own
 
-    def rows_like(self, other: Features) -> bool:
-        """Whether two recordings have the same rows."""
-        return (
-            len(self.bin) == len(other.bin)
-            and bool((self.bin == other.bin).all())
-            and (self.height_bins is None) == (other.height_bins is None)
-            and len(self.height_m) == len(other.height_m)
-            and len(self.voltage_v) == len(other.voltage_v)
-        )
+    def rows_of(self, other: Features) -> Mapping[RobotKind, NDArray[np.intp]] | None:
+        """Which rows of this recording are those of another, by kind; ``None``: not all are here.
+
+        Bins are counted from the beginning, be they of a gait's phase or of time.
+        """
+        number = np.full((len(self.bins), 1 + max(self.bin.max(), other.bin.max())), -1)
+        number[self.joint_row, self.bin] = np.arange(len(self.bin))
+        rows = {RobotKind.JOINTS: number[other.joint_row, other.bin]}
+        for kind, mine, theirs in (
+            (RobotKind.HEIGHT, self.height_m, other.height_m),
+            (RobotKind.VOLTAGE, self.voltage_v, other.voltage_v),
+            (RobotKind.SHAKING, self.shaken, other.shaken),
+        ):
+            if bool(len(mine)) != bool(len(theirs)) or len(theirs) > len(mine):
+                return None
+            if len(theirs):
+                rows[kind] = np.arange(len(theirs))
+        return rows if rows[RobotKind.JOINTS].min() >= 0 else None
 
 
 def first_of(
@@ -270,14 +320,14 @@ def shown_by(
     """For each recording the motion whose traces and curves are taken for its own.
 
     Of walks that are fitted their own. Where there is no gait replays are long, and one motion
-    stands for all loads.
+    stands for all loads: the longest, as an overloaded robot stands for a shorter time.
     """
     fitted = [m for q, m in enumerate(motion) if q not in judging]
     found = []
     for r, own in enumerate(motion):
         others = [m for m in fitted if features[m].shows(features[r])]
         walks = own in fitted and features[r].phase is not None
-        found.append(own if walks or not others else others[0])
+        found.append(own if walks or not others else max(others, key=lambda m: features[m].size))
     return tuple(found)
 
 

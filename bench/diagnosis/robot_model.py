@@ -24,13 +24,14 @@ from .noise import Block
 from .nuisances import PUNCH, STALL, UNDOCUMENTED, has_punch
 from .robot_curves import Curves, Rows
 from .robot_effects import Placed, placed_effects
-from .robot_features import APART_S, Features, RobotKind, first_of, shown_by
+from .robot_features import APART_S, Features, RobotKind, by_kind, first_of, shown_by
 from .robot_nuisances import RobotNuisance, nuisances, replayable, trials
 from .robot_pool import Job, Outcome, Replays
 from .robot_replay import Course
 from .robot_shaking import ENGINES_SHAKING
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 Progress = Callable[[str], None]
 Settings = tuple[tuple[str, float], ...]  #: placed effects and values of their knobs
 RobotBlocks = dict[tuple[int, RobotKind], Block]
@@ -62,12 +63,7 @@ class Observed:
 
 def rows_of(outcome: Outcome) -> Rows:
     """The rows of a replay by kind."""
-    found = {RobotKind.JOINTS: outcome.angle_rad, RobotKind.SHAKING: outcome.shaken}
-    if len(outcome.height_m):
-        found[RobotKind.HEIGHT] = outcome.height_m
-    if len(outcome.voltage_v):
-        found[RobotKind.VOLTAGE] = outcome.voltage_v
-    return found
+    return by_kind(outcome.angle_rad, outcome.height_m, outcome.voltage_v, outcome.shaken)
 
 
 def _rattles(job: Job) -> bool:
@@ -121,7 +117,9 @@ class RobotModel:
         )  #: for each recording, the first like it
         self._repeated = first_of(self.features, Features.repeats)
         self._following = False
-        self._like = shown_by(self.features, self.motion, judging)
+        #: for each recording, the motion whose traces and curves are taken for its own
+        self.like = shown_by(self.features, self.motion, judging)
+        self._own = [self._rows_in(m, r) for r, m in enumerate(self.like)]
         self.replays = Replays(robot, self.features, self.nuisances, processes, journal)
         self._joints = [joint.name for joint in base.joints]
         say("replaying the recordings")
@@ -137,7 +135,7 @@ class RobotModel:
         say("replaying with what is never exactly as believed")
         self._shown: dict[tuple[int, str], Rows] = {}  #: what trials do to motions, for one unit
         self.traces = self._traces(nothing, ())
-        self._data = [self._recorded(f) for f in self.features]
+        self._data = [f.recorded for f in self.features]
         self._extra = [self._variance(r) for r in self._every]
 
     @property
@@ -150,15 +148,6 @@ class RobotModel:
         every = [replace(job, jitter=j) for job, own in zip(jobs, starts, strict=True) for j in own]
         found = (rows_of(outcome) for outcome in self.replays.run(every))
         return [_mean([next(found) for _ in own]) for own in starts]
-
-    @staticmethod
-    def _recorded(features: Features) -> Rows:
-        rows = {RobotKind.JOINTS: features.position_rad, RobotKind.SHAKING: features.shaken}
-        if len(features.height_m):
-            rows[RobotKind.HEIGHT] = features.height_m
-        if len(features.voltage_v):
-            rows[RobotKind.VOLTAGE] = features.voltage_v
-        return rows
 
     def _spread(self) -> dict[int, Rows]:
         """Variance of replays that start a little otherwise, by motion."""
@@ -175,10 +164,11 @@ class RobotModel:
         return spread
 
     def _variance(self, r: int) -> Rows:
-        """What each row scatters by itself: turns of the gait, and starts."""
+        """What each row scatters by itself: turns of the gait, starts, counts of what stands."""
         (outcome,) = self.replays.run([Job(r)])
         spread = self.spread[self.motion[r]]
-        return spread | {RobotKind.JOINTS: outcome.scatter_rad2 + spread[RobotKind.JOINTS]}
+        own = outcome.scatter_rad2 + self.features[r].rounding_rad2
+        return spread | {RobotKind.JOINTS: own + spread[RobotKind.JOINTS]}
 
     def retrace(
         self, settings: Sequence[tuple[str, float]], z: Floats, but: Collection[str] = ()
@@ -191,13 +181,13 @@ class RobotModel:
         """
         quiet, there = self._told([(name, x) for name, x in settings if not is_play(name)], z)
         self.traces = self._traces(quiet, there, but)
-        self.curves.bend(quiet, there, sorted(set(self._like)))
+        self.curves.bend(quiet, there, sorted(set(self.like)))
 
     def _traces(
         self, settings: Settings, at: tuple[float, ...], but: Collection[str] = ()
     ) -> list[Rows]:
         """By recording and kind: rows x nuisances, each for one deviation of its prior."""
-        motions = sorted(set(self._like))
+        motions = sorted(set(self.like))
         some = [trial for trial in self._trials if trial.name.split()[0] not in but]
         jobs = [
             Job(m, settings, trial=name, nuisances=at, short=True)
@@ -218,7 +208,20 @@ class RobotModel:
                 kind: np.nan_to_num(np.stack([column[kind] for column in columns], axis=1))
                 for kind in middle
             }
-        return [self._read(traces[m], r) for r, m in enumerate(self._like)]
+        return [self._read(self._of(r, traces[m]), r) for r, m in enumerate(self.like)]
+
+    def _rows_in(self, m: int, r: int) -> Mapping[RobotKind, Ints]:
+        rows = self.features[m].rows_of(self.features[r])
+        assert rows is not None
+        return rows
+
+    def _of(self, r: int, rows: Rows) -> Rows:
+        """A recording's own rows of those of the motion that is taken for it."""
+        return {kind: rows[kind][own] for kind, own in self._own[r].items()}
+
+    def trace_at(self, name: str, z: float, r: int) -> Rows:
+        """What an effect does to a recording at a value of its knob, for one unit of it."""
+        return self._of(r, self.curves.trace_at(name, z, self.like[r]))
 
     def _read(self, traces: Rows, r: int) -> Rows:
         """Traces with what a later instant and a later turn do to a recording's own centre."""
@@ -262,9 +265,9 @@ class RobotModel:
 
     def modelled(self, settings: Sequence[tuple[str, float]], z: Floats, r: int) -> Rows:
         """Rows of a recording under effects and nuisances."""
-        m = self._like[r]
+        m = self.like[r]
         middle, centre = self._centred_on[r]
-        now, then = self.curves.effects(m, settings), self.curves.effects(m, middle)
+        now, then = (self._of(r, self.curves.effects(m, s)) for s in (settings, middle))
         away = z - centre
         return {
             kind: rows + now[kind] - then[kind] + self.traces[r][kind] @ away

@@ -21,8 +21,9 @@ from .robot_fit import RobotFit
 from .robot_model import ENGINES_RAD, RobotModel
 
 Floats = NDArray[np.float64]
-#: a recording, what is left of it, and what others foretell of that (rows,) [rad]
-Row = tuple[Features, Floats, Floats]
+#: what is left, what others foretell of it [rad], and what rounding of both has in common [rad^2]
+Foretold = tuple[Floats, Floats, Floats]
+Row = tuple[Features, Foretold]  #: of a recording
 
 #: times what engines differ by, from which structure is called unexplained; nulls have 0.5
 MORE = 1.0
@@ -133,10 +134,13 @@ def rest_of(
         if not others:
             continue
         features = model.features[r]
-        foretold = np.zeros(len(left[r]))
+        foretold, counts = np.zeros(len(left[r])), np.zeros(len(left[r]))
         for q in others:
-            foretold += _as_rows(model.features[q], left[q], features) / len(others)
-        rows.append((features, left[r], foretold))
+            source = model.features[q]
+            foretold += _as_rows(source, left[q], features) / len(others)
+            counts += _as_rows(source, source.rounding_rad2, features) / len(others)
+        common = np.minimum(counts, features.rounding_rad2)
+        rows.append((features, (left[r], foretold, common)))
     every = np.concatenate([left[r] for r in judging])
     rms = float(np.sqrt(np.mean(every**2)))
     if not rows:
@@ -144,7 +148,7 @@ def rest_of(
     part, phases = _most(model, rows)
     return Rest(
         rms,
-        *_foretold([(value, foretold) for _, value, foretold in rows]),
+        *_foretold([row for _, row in rows]),
         _terms(rows),
         part,
         phases,
@@ -152,10 +156,13 @@ def rest_of(
     )
 
 
-def _foretold(rows: Sequence[tuple[Floats, Floats]]) -> tuple[float, float, float]:
-    """RMS of what is foretold [rad], its share, and the share of recordings that agree."""
-    products = [float(np.mean(value * foretold)) for value, foretold in rows]
-    squares = [float(np.mean(value**2)) for value, _ in rows]
+def _foretold(rows: Sequence[Foretold]) -> tuple[float, float, float]:
+    """RMS of what is foretold [rad], its share, and the share of recordings that agree.
+
+    Joints that stand in the same place are rounded to the same count: that foretells nothing.
+    """
+    products = [float(np.mean(value * foretold - common)) for value, foretold, common in rows]
+    squares = [float(np.mean(value**2)) for value, _, _ in rows]
     predicted = max(0.0, float(np.mean(products)))
     share = predicted / max(float(np.mean(squares)), 1e-30)
     return float(np.sqrt(predicted)), share, float(np.mean([x > 0.0 for x in products]))
@@ -167,8 +174,8 @@ def _places(model: RobotModel, rows: Sequence[Row]) -> tuple[Place, ...]:
     for j, joint in enumerate(model.base.joints):
         for phase, stands in (("stance", True), ("swing", False)):
             own = [
-                (value[here], foretold[here])
-                for features, value, foretold in rows
+                (value[here], foretold[here], common[here])
+                for features, (value, foretold, common) in rows
                 if (here := (features.joint_row == j) & (features.stance == stands)).any()
             ]
             if own:
@@ -179,7 +186,7 @@ def _places(model: RobotModel, rows: Sequence[Row]) -> tuple[Place, ...]:
 def _same_bins(model: RobotModel, one: int, other: int) -> bool:
     """Whether bins mean the same: both of a gait's phase, or windows of one motion, loads aside."""
     a, b = model.features[one], model.features[other]
-    return (a.phase is not None and b.phase is not None) or a.shows(b)
+    return (a.phase is not None and b.phase is not None) or a.shows(b) or b.shows(a)
 
 
 def _as_rows(source: Features, value: Floats, target: Features) -> Floats:
@@ -193,11 +200,11 @@ def _as_rows(source: Features, value: Floats, target: Features) -> Floats:
 
 def _terms(rows: Sequence[Row]) -> dict[str, float]:
     """Correlations of the rest with what a joint does and bears, the strongest first."""
-    value = np.concatenate([v for _, v, _ in rows])
-    goal = np.concatenate([f.goal_rad for f, _, _ in rows])
-    error = np.concatenate([f.goal_rad - f.position_rad for f, _, _ in rows])
-    speed = np.concatenate([_speed(f) for f, _, _ in rows])
-    stance = np.concatenate([f.stance.astype(np.float64) for f, _, _ in rows])
+    value = np.concatenate([left for _, (left, _, _) in rows])
+    goal = np.concatenate([f.goal_rad for f, _ in rows])
+    error = np.concatenate([f.goal_rad - f.position_rad for f, _ in rows])
+    speed = np.concatenate([_speed(f) for f, _ in rows])
+    stance = np.concatenate([f.stance.astype(np.float64) for f, _ in rows])
     terms = {"position": goal, "velocity": speed, "load": error, "stance": stance}
     found = {
         name: float(np.corrcoef(value, term)[0, 1]) if np.std(term) > 0.0 else 0.0
@@ -223,7 +230,7 @@ def _most(model: RobotModel, rows: Sequence[Row]) -> tuple[tuple[str, ...], tupl
     parts = np.array([name.rpartition(".")[2] for name in names])
     squares: dict[str, float] = {}
     phases = {"stance": (0.0, 0), "swing": (0.0, 0)}
-    for features, value, _ in rows:
+    for features, (value, _, _) in rows:
         of_row = parts[features.joint_row]
         for part in dict.fromkeys(parts.tolist()):
             squares[part] = squares.get(part, 0.0) + float(np.sum(value[of_row == part] ** 2))

@@ -19,8 +19,8 @@ from .robot_diagnosis import RobotDiagnosis, diagnose_robot
 from .robot_effects import OUTSIDE, placed_effects
 from .robot_improved import write_model
 from .robot_judging import traces
+from .robot_overload import before_overload
 from .robot_picture import phase_figure
-from .robot_shutdown import before_shutdowns
 from .robot_stops import past_stops
 from .running import Split
 from .sense import DiagnosisError
@@ -55,14 +55,14 @@ def run_robot(
     """Diagnose a legged robot and write ``diagnosis.json``, ``model.toml`` and ``phase.png``.
 
     Stops that recordings went past are out of the way, in ``model.toml`` as well; what follows
-    where a servo shut itself down is not compared. ``known`` is what is odd about the recordings,
-    for the limits. Raises :class:`DiagnosisError`,
+    where a servo is at its limit or shut itself down is not compared. ``known`` is what is odd
+    about the recordings, for the limits. Raises :class:`DiagnosisError`,
     :class:`bench.recording.RecordingError` and :class:`sim.entries.PhysicsError`.
     """
     check_names(robot, without)
     robot, moved = past_stops(robot, (*parts.fitted, *parts.judging))
-    fitted, cut = before_shutdowns(robot, parts.fitted)
-    judging, cut_too = before_shutdowns(robot, parts.judging)
+    fitted, cut = before_overload(robot, parts.fitted)
+    judging, cut_too = before_overload(robot, parts.judging)
     parts = Split(fitted, judging)
     known = (*moved, *cut, *cut_too, *known)
     try:

@@ -137,7 +137,7 @@ class Screen:
     def _trace(self, name: str, at: float) -> Floats:
         if (name, at) not in self._traces:
             model = self._model
-            rows = [model.curves.trace_at(name, at, model.motion[r]) for r in self._which]
+            rows = [model.trace_at(name, at, r) for r in self._which]
             self._traces[name, at] = self._whitened(rows)[:, 0]
         return self._traces[name, at]
 
@@ -162,7 +162,7 @@ class Screen:
     def rank(self, names: Iterable[str]) -> list[Screened]:
         """Effects by what they gain, the most first."""
         wanted = list(names)
-        motions = sorted({self._model.motion[r] for r in self._which})
+        motions = sorted({self._model.like[r] for r in self._which})
         self._model.curves.prepare(wanted, motions)
         self._model.curves.enlarge(wanted, motions)
         return sorted((self.one(name) for name in wanted), key=lambda s: -s.gain_nats)

@@ -231,8 +231,8 @@ class RobotSearch(Steps):
 
     def screen(self, now: RobotFit) -> Screen:
         """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""
-        motion = self.model.motion
-        some = [r for r in self.which if motion[r] == motion[self.which[0]]]
+        like = self.model.like
+        some = [r for r in self.which if like[r] == like[self.which[0]]]
         ends = np.array([nuisance.ends for nuisance in self.model.nuisances]).T
         held = (now.nuisances <= AT_END * ends[0]) | (now.nuisances >= AT_END * ends[1])
         at = np.where(held, now.nuisances, 0.0)

@@ -15,8 +15,9 @@ from bench.diagnosis.robot_features import Features, shown_by
 from bench.diagnosis.robot_judging import Judgement, traces
 from bench.diagnosis.robot_limits import unread, without_gait
 from bench.diagnosis.robot_model import RobotKind, RobotModel
+from bench.diagnosis.robot_overload import before_overload
+from bench.diagnosis.robot_pool import Job
 from bench.diagnosis.robot_replay import course, play
-from bench.diagnosis.robot_shutdown import before_shutdowns
 from bench.recording import Recording, RecordingError, joint_track
 
 READ = ("leg1", "leg4")
@@ -160,13 +161,15 @@ def with_torque_reads(values, written=()):
 
 def test_what_follows_where_a_servo_shut_itself_down_is_left_out():
     walk, first = with_torque_reads([1, 1, 0, 0])
-    (kept,), (told,) = before_shutdowns(marvin(), [walk])
-    assert float(kept.t_s[-1]) == pytest.approx(first + 2.0)
+    (kept,), (told,) = before_overload(marvin(), [walk])
+    assert float(kept.t_s[-1]) == pytest.approx(first + 1.0, abs=0.05)
+    assert float(kept.t_s[-1]) <= first + 1.0
     assert len(kept) == np.sum(walk.t_s <= kept.t_s[-1])
     assert float(walk.t_s[-1]) > first + 4.0
     joint = marvin().by_id[5].joint
     assert told == (
-        f"walk-1: {joint} shut itself down after {first + 2.0:.2f} s; what follows is not compared"
+        f"walk-1: {joint} shut itself down after {first + 2.0:.2f} s; what follows "
+        f"{first + 1.0:.2f} s is not compared"
     )
 
 
@@ -180,21 +183,90 @@ def test_what_follows_where_a_servo_shut_itself_down_is_left_out():
 )
 def test_what_nobody_but_the_host_switched_is_kept(values, written):
     walk, _ = with_torque_reads(values, written)
-    assert before_shutdowns(marvin(), [walk]) == ((walk,), ())
+    assert before_overload(marvin(), [walk]) == ((walk,), ())
+
+
+def standing(error_rad, walks=False):
+    """A robot that is told to stand (or walks, in its goals), read at 50 Hz for four seconds.
+
+    The first joint is ``error_rad`` of the time from its goal.
+    """
+    walk, mounts = recorded_walk(), marvin().servos
+    rows = []
+    for k in range(200):
+        t = 0.02 * k
+        for j, mount in enumerate(mounts):
+            goal = 0.3 * np.sin(2.0 * np.pi * t) if walks else 0.2
+            if walks or not k:
+                rows.append(row(t, mount, "write", "goal_position", goal))
+            off = error_rad(t) if j == 0 else 0.0
+            rows.append(row(t + 0.002, mount, "read", "present_position", goal - off))
+    schema = walk.table.schema
+    every = sorted(rows, key=lambda one: one["t_s"])
+    return Recording.checked(pa.Table.from_pylist(every, schema), walk.metadata)
+
+
+def row(t_s, mount, op, register, joint_rad):
+    column = marvin().tables[mount.servo_id][register]
+    raw = float(round(mount.to_servo(joint_rad) / column.si_scale + 512))
+    spoken = {"servo_id": mount.servo_id, "op": op, "register": register, "raw": raw}
+    return {"t_s": t_s, "t_reply_s": t_s + 0.001 if op == "read" else None, **spoken}
+
+
+def held_off(rad, from_s, to_s):
+    return lambda t: rad if from_s <= t < to_s else 0.0
+
+
+@pytest.mark.parametrize(
+    ("error_rad", "walks", "last_s"),
+    [
+        (held_off(0.17, 1.0, 3.5), False, 1.0),  # nine tenths of what brings full duty
+        (held_off(-0.17, 1.0, 3.5), False, 1.0),
+        (held_off(0.10, 1.0, 3.5), False, None),
+        (held_off(0.17, 1.0, 2.5), False, None),  # for a moment, as it stands up
+        (held_off(0.17, 1.0, 3.5), True, None),
+    ],
+)
+def test_a_standing_robot_is_compared_until_a_servo_is_near_its_limit(error_rad, walks, last_s):
+    recording = standing(error_rad, walks)
+    (kept,), told = before_overload(marvin(), [recording])
+    if last_s is None:
+        assert (kept, told) == (recording, ())
+        return
+    assert float(kept.t_s[-1]) == pytest.approx(last_s, abs=0.03)
+    (sentence,) = told
+    assert sentence.startswith(f"walk-1: {JOINTS[0]} is near its stall torque for long; what")
+
+
+def test_rounding_of_a_joint_that_stands_is_in_its_means():
+    moving = Features.of(course(standing(lambda t: 0.1 * t), marvin()), marvin())
+    assert moving.phase is None
+    rounding, first = moving.rounding_rad2, moving.joint_row == 0
+    assert (rounding[first] == 0.0).all()
+    assert rounding[~first] == pytest.approx(moving.course.quantum_rad**2 / 12.0)
+    assert not Features.of(walked(), marvin()).rounding_rad2.any()
+    courses = [moving.course]
+    known = ("zero", "centre", "tilt", "grip", "supply", "mass", "friction", "strength", "torque")
+    with RobotModel(believed(), marvin(), courses, without=known, processes=1) as model:
+        block = model.residuals((), np.zeros(len(model.nuisances)), [0])[0, RobotKind.JOINTS]
+        (outcome,) = model.replays.run([Job(0)])
+        others = outcome.scatter_rad2 + model.spread[0][RobotKind.JOINTS]
+        assert block.extra - others == pytest.approx(rounding)
 
 
 def like(walks, rows, told):
-    """Features of a kind of rows and of goals, which walk or do not."""
-    one = SimpleNamespace(phase=object() if walks else None, rows=rows, told=told)
+    """Features of so many rows and of a kind of goals, which walk or do not."""
+    one = SimpleNamespace(phase=object() if walks else None, size=rows, told=told)
     one.shows = lambda other: (
-        one.rows == other.rows and ((walks and other.phase is not None) or one.told == other.told)
+        one.size >= other.size and ((walks and other.phase is not None) or one.told == other.told)
     )
     return one
 
 
 def test_where_there_is_no_gait_one_motion_stands_for_all_loads():
     lying = [like(False, 9, "a"), like(False, 9, "a"), like(False, 9, "b"), like(False, 8, "a")]
-    assert shown_by(lying, (0, 1, 2, 3), ()) == (0, 0, 2, 3)
+    assert shown_by(lying, (0, 1, 2, 3), ()) == (0, 0, 2, 0)
+    assert shown_by(lying[::-1], (0, 1, 2, 3), ()) == (2, 1, 2, 2)
     walking = [like(True, 9, "a"), like(True, 9, "a"), like(True, 9, "b")]
     assert shown_by(walking, (0, 1, 2), ()) == (0, 1, 2)
     assert shown_by(walking, (0, 1, 2), (2,)) == (0, 1, 0)
@@ -214,3 +286,57 @@ def test_where_there_is_no_gait_only_the_same_motion_shows_what_changes_do():
     assert not one.shows(other)
     walk = Features.of(walked(), marvin())
     assert walk.shows(replace(walk, goal_rad=walk.goal_rad + 0.1))
+
+
+def until(end_s):
+    """The walk's beginning, in which there is no gait yet."""
+    one = walked()
+    keep = [t <= end_s for t in one.sample_s]
+    cut = {
+        name: tuple(value[k] for value, k in zip(getattr(one, name), keep, strict=True))
+        for name in ("sample_s", "wait_s", "position_rad")
+    }
+    goals = {joint: (t[t <= end_s], goal[t <= end_s]) for joint, (t, goal) in one.goals.items()}
+    return replace(one, events=one.events[one.events[:, 0] <= end_s], goals=goals, **cut)
+
+
+def test_a_longer_recording_has_the_rows_of_a_shorter_one():
+    longer, shorter = (Features.of(until(end_s), marvin()) for end_s in (2.6, 2.0))
+    assert shorter.phase is None
+    assert longer.shows(shorter)
+    assert not shorter.shows(longer)
+    assert not longer.like(shorter)
+    rows = longer.rows_of(shorter)[RobotKind.JOINTS]
+    assert np.array_equal(longer.joint_row[rows], shorter.joint_row)
+    assert np.array_equal(longer.bin[rows], shorter.bin)
+    assert len(rows) < longer.size
+    assert not longer.shows(replace(shorter, goal_rad=shorter.goal_rad + 0.1))
+    seen = replace(shorter, voltage_v=np.full(3, 7.4))
+    assert longer.rows_of(seen) is None  # nobody read a voltage in the longer one
+    assert replace(longer, voltage_v=np.full(2, 7.4)).rows_of(seen) is None
+    assert list(replace(longer, voltage_v=np.full(5, 7.4)).rows_of(seen)[RobotKind.VOLTAGE]) == [
+        0,
+        1,
+        2,
+    ]
+
+
+def test_what_changes_a_shorter_recording_is_that_of_a_longer_one():
+    courses = [until(2.0), until(2.6)]
+    known = ("zero", "centre", "tilt", "grip", "supply", "mass", "friction", "strength", "torque")
+    with RobotModel(believed(), marvin(), courses, without=known, processes=1) as model:
+        assert model.like == (1, 1)
+        rows = model.features[1].rows_of(model.features[0])[RobotKind.JOINTS]
+        shared = [k for k, n in enumerate(model.nuisances) if n.trial]
+        one, other = (traces[RobotKind.JOINTS][:, shared] for traces in model.traces)
+        assert np.array_equal(one, other[rows])
+        z = np.zeros(len(model.nuisances))
+        moved = [
+            model.modelled((("gain_error@all", 2.0),), z, r)[RobotKind.JOINTS]
+            - model.centre[r][RobotKind.JOINTS]
+            for r in (0, 1)
+        ]
+        assert moved[0] == pytest.approx(moved[1][rows])
+        assert np.abs(moved[0]).max() > 0.001
+        told = model.trace_at("gain_error@all", 1.0, 0)
+        assert len(told[RobotKind.JOINTS]) == len(rows)

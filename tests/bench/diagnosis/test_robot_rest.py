@@ -1,5 +1,6 @@
 """What is left of a whole robot's misfit, on residuals that are given."""
 
+from copy import copy
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,6 +32,7 @@ class Left:
             goal_rad=GOAL,
             position_rad=GOAL,
             phase=object(),
+            rounding_rad2=np.zeros(len(ROW)),
         )
         self.features = [one] * len(values)
         self.motion = list(range(len(values)))
@@ -149,6 +151,20 @@ def test_windows_of_time_foretell_those_of_the_same_motion_alone(same):
     rest = rest_of(left, FOUND, [0], [1])
     assert rest.structured is same
     assert (rest.predicted_rad > 0.0) is same
+
+
+@pytest.mark.parametrize("standing", [(0, 1), (0,), (1,), ()])
+def test_rounding_that_recordings_have_in_common_foretells_nothing(standing):
+    values = [noise(seed, 2e-4) + 1.2 * ENGINES_RAD for seed in (1, 2)]
+    left = Left(*values)
+    left.features = [copy(left.features[0]) for _ in values]
+    for r in standing:
+        left.features[r].rounding_rad2 = np.full(len(ROW), ENGINES_RAD**2)
+    rest = rest_of(left, FOUND, [0], [1])
+    both = standing == (0, 1)
+    assert rest.structured is not both
+    less = ENGINES_RAD**2 if both else 0.0
+    assert rest.predicted_rad**2 + less == pytest.approx(float(np.mean(values[0] * values[1])))
 
 
 @pytest.mark.parametrize(("others", "unexplained"), [(-0.3, False), (0.3, True)])
