@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from .robot_features import RobotKind
 from .robot_fit import RobotFit
 from .robot_model import RobotModel
@@ -56,13 +58,16 @@ def limits(
 
 def without_gait(model: RobotModel) -> tuple[str, ...]:
     """What is to be said of recordings in which a robot does not walk."""
-    names = [f.course.name for f in model.features if f.phase is None]
-    if not names:
+    standing = [r for r, features in enumerate(model.features) if features.phase is None]
+    if not standing:
         return ()
+    names = ", ".join(model.features[r].course.name for r in standing)
+    chance_rad = float(np.sqrt(np.mean(np.concatenate([model.chance(r) for r in standing]))))
     return (
-        f"no gait in {', '.join(names)}: where a robot that stands comes to rest is chance within "
-        "its friction, and how far sound models differ there was measured of walks alone; names "
-        "are less sure than they say",
+        f"no gait in {names}: where feet slip and stick, and where a robot that stands comes to "
+        f"rest, is chance, here {chance_rad * 1e3:.1f} mrad within tolerances; a weak motor, a low "
+        "gain and a heavy trunk look alike there, so that a robot may be called consistent that is "
+        "not: let it walk",
     )
 
 

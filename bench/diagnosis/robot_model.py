@@ -29,6 +29,7 @@ from .robot_nuisances import RobotNuisance, nuisances, replayable, trials
 from .robot_pool import Job, Outcome, Replays
 from .robot_replay import Course
 from .robot_shaking import ENGINES_SHAKING
+from .robot_spread import of_starts, of_tolerances
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -38,7 +39,6 @@ RobotBlocks = dict[tuple[int, RobotKind], Block]
 
 RATTLES = 3  #: replays with other starts of a robot whose teeth have play, of which means count
 RATTLING = frozenset({"backlash"})  #: effects that make a leg in the air rattle
-JITTERS = 3  #: replays with a slightly other start, for the spread of replays
 #: what two engines leave of the same walk when nuisances are fitted: nothing is said of less, as
 #: reality is no nearer to one of them; source: measured, docs/explanation/two-engines.md
 ENGINES_RAD = 1.0e-3
@@ -131,10 +131,13 @@ class RobotModel:
         zero = np.zeros(len(self.nuisances))
         self._centred_on: list[tuple[Settings, Floats]] = [(nothing, zero)] * len(self.features)
         say("replaying from slightly other starts")
-        self.spread = self._spread()
+        self.spread = of_starts(self._plain, self._run)
         say("replaying with what is never exactly as believed")
         self._shown: dict[tuple[int, str], Rows] = {}  #: what trials do to motions, for one unit
         self.traces = self._traces(nothing, ())
+        self._chance = of_tolerances(self, list(self._plain), self._run)
+        for m, square in self._chance.items():
+            self.spread[m][RobotKind.JOINTS] += square
         self._data = [f.recorded for f in self.features]
         self._extra = [self._variance(r) for r in self._every]
 
@@ -148,20 +151,6 @@ class RobotModel:
         every = [replace(job, jitter=j) for job, own in zip(jobs, starts, strict=True) for j in own]
         found = (rows_of(outcome) for outcome in self.replays.run(every))
         return [_mean([next(found) for _ in own]) for own in starts]
-
-    def _spread(self) -> dict[int, Rows]:
-        """Variance of replays that start a little otherwise, by motion."""
-        motions = sorted(set(self.motion))
-        jobs = [Job(m, jitter=j, short=True) for m in motions for j in range(1, JITTERS + 1)]
-        found = self._run(jobs)
-        spread = {}
-        for i, m in enumerate(motions):
-            some = found[i * JITTERS : (i + 1) * JITTERS]
-            spread[m] = {
-                kind: np.nan_to_num(np.mean([(rows[kind] - base) ** 2 for rows in some], axis=0))
-                for kind, base in self._plain[m].items()
-            }
-        return spread
 
     def _variance(self, r: int) -> Rows:
         """What each row scatters by itself: turns of the gait, starts, counts of what stands."""
@@ -357,6 +346,10 @@ class RobotModel:
     def pressed(self, r: int) -> Floats:
         """Share of each row's samples at which the leg's foot pressed, in the last exact replay."""
         return self._exact[r].pressed
+
+    def chance(self, r: int) -> Floats:
+        """What of joint rows no trace foretells of sound robots that stand (rows,) [rad^2]."""
+        return self._chance.get(self.motion[r], np.zeros(len(self.features[r].bin)))
 
     def recorded(self, r: int, kind: RobotKind) -> Floats:
         """Rows of a recording as it was; NaN where nobody saw."""

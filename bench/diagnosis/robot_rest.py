@@ -2,9 +2,9 @@
 
 The misfit of the recordings that were fitted, joint by joint over the phase of the gait, foretells
 that of the recordings that judge as far as it is structure and not noise. What two sound engines
-leave of one walk is structure as well: only more than that is called unexplained. So is a rest far
-beyond what engines differ by, foretold or not. What one joint has in stance or in swing is looked
-at by itself, as the mean over eighteen joints hides it.
+leave of one walk is structure as well, and so is what is chance where a robot stands: only more
+than that is called unexplained. So is a rest far beyond it, foretold or not. What one joint has in
+stance or in swing is looked at by itself, as the mean over eighteen joints hides it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from .robot_fit import RobotFit
 from .robot_model import ENGINES_RAD, RobotModel
 
 Floats = NDArray[np.float64]
-#: what is left, what others foretell of it [rad], and what rounding of both has in common [rad^2]
-Foretold = tuple[Floats, Floats, Floats]
+#: what is left, what others foretell of it [rad], what rounding of both has in common [rad^2], and
+#: what is chance where robots stand [rad^2]
+Foretold = tuple[Floats, Floats, Floats, Floats]
 Row = tuple[Features, Foretold]  #: of a recording
 
 #: times what engines differ by, from which structure is called unexplained; nulls have 0.5
@@ -45,6 +46,7 @@ class Place:
     predicted_rad: float
     share: float
     agreeing: float
+    sound_rad: float = ENGINES_RAD  #: that sound models leave
 
     @property
     def structured(self) -> bool:
@@ -64,6 +66,7 @@ class Rest:
     joints: tuple[str, ...]  #: the kinds of joints and phases that hold most of it
     where: tuple[str, ...]
     places: tuple[Place, ...] = ()  #: every joint in stance and in swing, the most foretold first
+    sound_rad: float = ENGINES_RAD  #: that sound models leave
 
     @property
     def local(self) -> tuple[Place, ...]:
@@ -73,7 +76,7 @@ class Rest:
     @property
     def everywhere(self) -> bool:
         """Whether all joints together have more than noise and engines leave."""
-        return self.rms_rad > MISFIT * ENGINES_RAD or _beyond(self, MORE, SHARE)
+        return self.rms_rad > MISFIT * self.sound_rad or _beyond(self, MORE, SHARE)
 
     @property
     def structured(self) -> bool:
@@ -105,8 +108,8 @@ class Rest:
 
 
 def _beyond(part: Place | Rest, times: float, share: float) -> bool:
-    """Whether so much more than engines differ by is foretold, and so much of what is left."""
-    enough = part.predicted_rad > times * ENGINES_RAD and part.share > share
+    """Whether so much more than sound models leave is foretold, and so much of what is left."""
+    enough = part.predicted_rad > times * part.sound_rad and part.share > share
     return enough and part.agreeing >= AGREEING
 
 
@@ -140,11 +143,12 @@ def rest_of(
             foretold += _as_rows(source, left[q], features) / len(others)
             counts += _as_rows(source, source.rounding_rad2, features) / len(others)
         common = np.minimum(counts, features.rounding_rad2)
-        rows.append((features, (left[r], foretold, common)))
+        rows.append((features, (left[r], foretold, common, model.chance(r))))
     every = np.concatenate([left[r] for r in judging])
     rms = float(np.sqrt(np.mean(every**2)))
+    sound = _sound_rad([model.chance(r) for r in judging])
     if not rows:
-        return Rest(rms, 0.0, 0.0, 0.0, {}, (), ())
+        return Rest(rms, 0.0, 0.0, 0.0, {}, (), (), sound_rad=sound)
     part, phases = _most(model, rows)
     return Rest(
         rms,
@@ -153,7 +157,13 @@ def rest_of(
         part,
         phases,
         _places(model, rows),
+        sound,
     )
+
+
+def _sound_rad(chance: Sequence[Floats]) -> float:
+    """What sound models leave [rad]: what engines differ by, and chance."""
+    return float(np.sqrt(ENGINES_RAD**2 + np.mean(np.concatenate(chance))))
 
 
 def _foretold(rows: Sequence[Foretold]) -> tuple[float, float, float]:
@@ -161,8 +171,8 @@ def _foretold(rows: Sequence[Foretold]) -> tuple[float, float, float]:
 
     Joints that stand in the same place are rounded to the same count: that foretells nothing.
     """
-    products = [float(np.mean(value * foretold - common)) for value, foretold, common in rows]
-    squares = [float(np.mean(value**2)) for value, _, _ in rows]
+    products = [float(np.mean(value * foretold - common)) for value, foretold, common, _ in rows]
+    squares = [float(np.mean(value**2)) for value, *_ in rows]
     predicted = max(0.0, float(np.mean(products)))
     share = predicted / max(float(np.mean(squares)), 1e-30)
     return float(np.sqrt(predicted)), share, float(np.mean([x > 0.0 for x in products]))
@@ -174,12 +184,13 @@ def _places(model: RobotModel, rows: Sequence[Row]) -> tuple[Place, ...]:
     for j, joint in enumerate(model.base.joints):
         for phase, stands in (("stance", True), ("swing", False)):
             own = [
-                (value[here], foretold[here], common[here])
-                for features, (value, foretold, common) in rows
+                (value[here], foretold[here], common[here], chance[here])
+                for features, (value, foretold, common, chance) in rows
                 if (here := (features.joint_row == j) & (features.stance == stands)).any()
             ]
             if own:
-                found.append(Place(joint.name, phase, *_foretold(own)))
+                sound = _sound_rad([chance for *_, chance in own])
+                found.append(Place(joint.name, phase, *_foretold(own), sound))
     return tuple(sorted(found, key=lambda place: -place.predicted_rad))
 
 
@@ -200,7 +211,7 @@ def _as_rows(source: Features, value: Floats, target: Features) -> Floats:
 
 def _terms(rows: Sequence[Row]) -> dict[str, float]:
     """Correlations of the rest with what a joint does and bears, the strongest first."""
-    value = np.concatenate([left for _, (left, _, _) in rows])
+    value = np.concatenate([left for _, (left, *_) in rows])
     goal = np.concatenate([f.goal_rad for f, _ in rows])
     error = np.concatenate([f.goal_rad - f.position_rad for f, _ in rows])
     speed = np.concatenate([_speed(f) for f, _ in rows])
@@ -230,7 +241,7 @@ def _most(model: RobotModel, rows: Sequence[Row]) -> tuple[tuple[str, ...], tupl
     parts = np.array([name.rpartition(".")[2] for name in names])
     squares: dict[str, float] = {}
     phases = {"stance": (0.0, 0), "swing": (0.0, 0)}
-    for features, (value, _, _) in rows:
+    for features, (value, *_) in rows:
         of_row = parts[features.joint_row]
         for part in dict.fromkeys(parts.tolist()):
             squares[part] = squares.get(part, 0.0) + float(np.sum(value[of_row == part] ** 2))

@@ -103,8 +103,13 @@ def test_a_diagnosis_says_which_joints_nobody_read(partly):
 def test_a_diagnosis_says_where_a_robot_does_not_walk():
     walk = Features.of(walked(), marvin())
     assert without_gait(SimpleNamespace(features=[walk])) == ()
-    (told,) = without_gait(SimpleNamespace(features=[walk, replace(walk, phase=None)]))
+    chance = {0: 1.0, 1: 0.003}
+    model = SimpleNamespace(
+        features=[walk, replace(walk, phase=None)], chance=lambda r: np.full(4, chance[r] ** 2)
+    )
+    (told,) = without_gait(model)
     assert told.startswith("no gait in walk-1: ")
+    assert "here 3.0 mrad within tolerances" in told
 
 
 def test_residuals_and_what_tolerances_do_are_of_joints_that_were_read():

@@ -36,6 +36,10 @@ class Left:
         )
         self.features = [one] * len(values)
         self.motion = list(range(len(values)))
+        self.chances = [np.zeros(len(ROW)) for _ in values]
+
+    def chance(self, r):
+        return self.chances[r]
 
     def residuals(self, names, z, which):
         t = np.arange(len(ROW)) * 1.0
@@ -151,6 +155,27 @@ def test_windows_of_time_foretell_those_of_the_same_motion_alone(same):
     rest = rest_of(left, FOUND, [0], [1])
     assert rest.structured is same
     assert (rest.predicted_rad > 0.0) is same
+
+
+def test_what_is_chance_where_a_robot_stands_is_not_unexplained():
+    values = [noise(seed, 2e-4) + structure(2.0 * MORE) for seed in (1, 2)]
+    assert rest_of(Left(*values), FOUND, [0], [1]).structured
+    left = Left(*values)
+    left.chances = [np.full(len(ROW), (2.5 * MORE * ENGINES_RAD) ** 2)] * 2
+    rest = rest_of(left, FOUND, [0], [1])
+    assert not rest.everywhere
+    assert rest.sound_rad == pytest.approx(ENGINES_RAD * np.hypot(1.0, 2.5 * MORE))
+    far = [noise(seed, 2e-4) + structure(6.0 * MORE) for seed in (1, 2)]
+    left.values = far
+    assert rest_of(left, FOUND, [0], [1]).everywhere
+
+
+def test_chance_of_one_joint_hides_nothing_in_another():
+    values = [noise(seed, 2e-4) + in_place(1.5 * LOCAL) for seed in (1, 2)]
+    for joint, hidden in ((4, True), (1, False)):
+        left = Left(*values)
+        left.chances = [np.where(joint == ROW, (2.0 * LOCAL * ENGINES_RAD) ** 2, 0.0)] * 2
+        assert bool(rest_of(left, FOUND, [0], [1]).local) is not hidden
 
 
 @pytest.mark.parametrize("standing", [(0, 1), (0,), (1,), ()])

@@ -24,6 +24,7 @@ from bench.diagnosis.robot_settling import (
     NO_BETTER,
     SAMPLES,
     SPOILT,
+    STANDING,
     VOLTS_OFF,
     RobotJudges,
     Squares,
@@ -43,6 +44,7 @@ ROWS = SimpleNamespace(
     stance=np.tile(np.arange(10), 10) < 6,
     goal_rad=np.sin(np.arange(100)),
     position_rad=np.sin(np.arange(100)),
+    rounding_rad2=np.zeros(100),
 )
 
 
@@ -84,6 +86,7 @@ def judges(left, held_out=True, volts=None, joint_rad=0.0):
         motion=[0, 0, 0],
         spread={0: {RobotKind.JOINTS: np.zeros(100)}},
         quantum_rad=0.0,
+        chance=lambda r: np.zeros(100),
         base=SimpleNamespace(
             supply=SimpleNamespace(voltage_v=SUPPLY_V),
             joints=[SimpleNamespace(name=f"leg{n}.femur") for n in range(10)],
@@ -117,6 +120,27 @@ def test_what_is_left_is_told_in_squares_of_noise():
     found = judges({0: rms(0.2), 1: rms(0.4), 2: rms(2.0)})
     assert found.over_noise(BASE, FITS) == pytest.approx(0.3)
     assert found.over_noise(BASE, JUDGES) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.9, True), (1.1, False)])
+def test_where_robots_stand_more_is_noise_and_tolerances_go_where_chance_takes_them(
+    share, expected
+):
+    found = judges(dict.fromkeys((*FITS, *JUDGES), rms(share * STANDING)), held_out=False)
+    found.model.features = [replace_all(ROWS, phase=None, shows=lambda other: True)] * 3
+    found.model.chance = lambda r: np.full(100, EXTRA_RAD2)
+    assert found.consistent(BASE) is expected
+    far = taken_as(2.0, 2.0, 2.0, 0.0)
+    assert found.consistent(far) is expected
+    assert found.strained(far) == ()
+    found.model.features[0] = ROWS
+    assert found.strained(far) == ()
+    found.model.features[1] = ROWS
+    assert len(found.strained(far)) == 3
+
+
+def replace_all(one, **changes):
+    return SimpleNamespace(**{**vars(one), **changes})
 
 
 @pytest.mark.parametrize(
