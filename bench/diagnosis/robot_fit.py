@@ -39,6 +39,7 @@ class RobotFit:
     z: Floats
     noise: Mapping[RobotKind, Noise]
     cost: float  #: negative log-likelihood with the priors [nats]
+    once: float = 0.0  #: that of voltages in it, which all recordings tell once [nats]
 
     @property
     def knobs(self) -> Floats:
@@ -124,8 +125,7 @@ class Sight:
         for _ in range(rounds):
             z, blocks = self._least_squares(names, z, noise, which)
             noise = self.noise(blocks, noise)
-            total = self.cost(blocks, noise) + self._prior(z, names)
-            found = RobotFit(tuple(names), z, noise, total)
+            found = self._found(names, z, blocks, noise)
             if best is not None and found.cost > best.cost - ENOUGH:
                 return found if found.cost < best.cost else best
             best = found
@@ -135,9 +135,18 @@ class Sight:
     def at(self, found: RobotFit) -> RobotFit:
         """A fit as it is, its noise and cost told anew."""
         blocks = self.blocks(found.names, found.z)
-        noise = self.noise(blocks, found.noise)
-        total = self.cost(blocks, noise) + self._prior(found.z, found.names)
-        return RobotFit(found.names, found.z, noise, total)
+        return self._found(found.names, found.z, blocks, self.noise(blocks, found.noise))
+
+    def _found(
+        self,
+        names: Sequence[str],
+        z: Floats,
+        blocks: RobotBlocks,
+        noise: Mapping[RobotKind, Noise],
+    ) -> RobotFit:
+        total = self.cost(blocks, noise) + self._prior(z, names)
+        volts = {key: block for key, block in blocks.items() if key[1] is RobotKind.VOLTAGE}
+        return RobotFit(tuple(names), z, noise, total, self.cost(volts, noise))
 
     def box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
         """The least and the greatest of every number; idle nuisances stay at 0, held knobs too."""

@@ -37,6 +37,15 @@ class RobotGain:
         """The gain that counts [nats]."""
         return self.nats / self.inflation
 
+    def counting(self, now: RobotFit) -> float:
+        """The gain that counts over ``now`` [nats], of which voltages are not deflated.
+
+        What a model of joints does wrong over and over makes their gains too large. Voltages tell
+        theirs once, however many recordings show them.
+        """
+        once = now.once - self.fit.once
+        return (self.nats - once) / self.inflation + once
+
     def ahead_of(self, other: RobotGain) -> float:
         """By how much more it gains than another [nats, deflated], beyond what beginnings make."""
         more = self.nats - other.nats

@@ -254,10 +254,12 @@ class RobotJudges:
 
         It must take off ``least``, and make samples (``seen`` with it) no worse. Where without it
         tolerances stand in for something, and with it none do, those had foretold recordings that
-        judge as well: it may be worse there by that much, and samples a little. But not beside
-        another name: that may be what they stand in for.
+        judge as well: it may be worse there by that much, and samples a little. So where without it
+        voltages deny the model, and with it they do not. But not beside another name: that may be
+        what they stand in for.
         """
         frees = bool(self.strained(without)) and not self.strained(now)
+        frees |= bool(self.volts_denied(without)) and not self.volts_denied(now)
         if frees and len(now.names) > 1:
             frees = self.outside(now) < self.outside(without)
         allowed = self.samples(without).steady * (1.0 + SPOILT if frees else 1.0)

@@ -28,6 +28,7 @@ Run = Callable[[Sequence[Job]], list[Rows]]
 JITTERS = 3  #: replays with a slightly other start, for the spread of replays
 DRAWS = 4  #: robots within tolerances, of one that stands
 WITHIN = 0.5  #: deviations of tolerances that they have, as fits come nearer than priors; assumed
+BOTH = 2.0  #: the robot and its model each do otherwise
 APART = 4  #: windows by which what slips may do so sooner or later; a second, assumed
 
 
@@ -55,7 +56,8 @@ def of_tolerances(model: RobotModel, motions: Sequence[int], run: Run) -> dict[i
     spread = {}
     for m in standing:
         away = [next(found)[joints] - model.modelled((), z, m)[joints] for z in robots]
-        spread[m] = _about(model.features[m], np.mean(np.nan_to_num(np.square(away)), axis=0))
+        square = np.mean(np.nan_to_num(np.square(away)), axis=0)
+        spread[m] = BOTH * _about(model.features[m], square)
     return spread
 
 

@@ -231,9 +231,10 @@ class Steps(ExactFits):
         return placed.parameter.unit == "s" and abs(placed.knob.value(float(knob))) < LATE_S
 
     def _holds(self, gain: RobotGain, now: RobotFit) -> bool:
-        if self._within_ticks(gain) or gain.deflated < (BESIDE if now.names else NEEDED):
+        counts = gain.counting(now)
+        if self._within_ticks(gain) or counts < (BESIDE if now.names else NEEDED):
             return False
         outside = gain.held_out
         if outside is None or outside / gain.inflation > HELD_OUT:
             return True
-        return outside > -gain.apart and gain.deflated >= BESIDE
+        return outside > -gain.apart and counts >= BESIDE

@@ -525,6 +525,26 @@ def test_what_gains_nothing_on_groups_left_out_must_gain_more_and_lose_little(
     assert (holding(search, gains(gained)) is not None) is holds
 
 
+@pytest.mark.parametrize(
+    ("once", "holds"), [(0.0, False), (0.9 * NEEDED, False), (1.1 * NEEDED, True)]
+)
+def test_what_voltages_tell_is_not_deflated(once, holds):
+    """A supply of 0.87 gained 34 nats, nearly all of them of voltages: 6 deflated by 5.7."""
+    now = RobotFit((), np.zeros(0), {}, 0.0, once=50.0)
+    found = RobotFit(("effect0@all",), np.zeros(1), {}, -once, once=50.0 - once)
+    gain = RobotGain("effect0@all", found, once, 5.7, 30.0)
+    assert gain.counting(now) == pytest.approx(once)
+    assert Exact({})._holds(gain, now) is holds
+
+
+def test_what_joints_tell_is_deflated_beside_voltages():
+    now = RobotFit((), np.zeros(0), {}, 100.0, once=30.0)
+    gain = RobotGain("a", RobotFit(("a",), np.zeros(1), {}, 60.0, once=10.0), 40.0, 4.0, None)
+    assert gain.counting(now) == pytest.approx(20.0 + 20.0 / 4.0)
+    worse = RobotGain("a", RobotFit(("a",), np.zeros(1), {}, 60.0, once=50.0), 40.0, 4.0, None)
+    assert worse.counting(now) == pytest.approx(-20.0 + 60.0 / 4.0)
+
+
 @pytest.mark.parametrize(("delay_s", "holds"), [(1.1e-3, False), (2.4e-3, False), (2.6e-3, True)])
 def test_a_delay_within_a_firmwares_ticks_is_no_finding(delay_s, holds):
     placed = placed_effects(read_model(load_robot("marvin")))

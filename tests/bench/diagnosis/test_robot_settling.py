@@ -258,6 +258,7 @@ class Given(RobotJudges):
     whole: ClassVar = {}
     floor_square = 1.0
     stand_in: ClassVar = frozenset()
+    denied: ClassVar = frozenset()
     costs: ClassVar = {}
 
     def outside(self, found):
@@ -265,6 +266,9 @@ class Given(RobotJudges):
 
     def strained(self, found):
         return ("gain",) if found.names in self.stand_in else ()
+
+    def volts_denied(self, found):
+        return -0.7 if found.names in self.denied else 0.0
 
     def resized(self, now, name):
         return now
@@ -280,14 +284,14 @@ class Given(RobotJudges):
         return SimpleNamespace(names=left)
 
 
-def kept(phases, seen=None, whole=None, stand_in=(), costs=None):
+def kept(phases, seen=None, whole=None, stand_in=(), costs=None, denied=()):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
     own = Given(search, None, FITS, JUDGES, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
-    Given.costs = costs or {}
+    Given.costs, Given.denied = costs or {}, frozenset(denied)
     gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
@@ -329,6 +333,17 @@ def test_a_name_that_tolerances_had_stood_in_for_need_not_be_better_where_they_f
     for samples, names in ((1.0 + 0.9 * SPOILT, ("a",)), (1.0 + 1.1 * SPOILT, ())):
         worse = {(): 1.0, ("a",): samples}
         assert kept({(): before} | slightly, worse, stand_in=[()]) == names
+
+
+def test_a_name_that_voltages_ask_for_need_not_be_better_where_tolerances_foretell_as_much():
+    slightly = {(): 1.0, ("a",): 1.0 + 0.9 * RELIEF}
+    assert kept(slightly, denied=[()]) == ("a",)
+    assert kept(slightly) == ()
+    assert kept(slightly, denied=[(), ("a",)]) == ()
+    squares = {(): 9.0, ("a",): 2.0, ("b",): 9.0, ("a", "b"): 2.1}
+    for outside, names in ((-1.0, ("a", "b")), (1.0, ("a",))):
+        costs = dict.fromkeys(squares, 100.0) | {("a", "b"): 100.0 + outside}
+        assert kept(squares, denied=[("a",)], costs=costs) == names
 
 
 @pytest.mark.parametrize(("outside", "names"), [(-1.0, ("a", "b")), (1.0, ("a",))])

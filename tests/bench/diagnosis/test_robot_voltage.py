@@ -124,6 +124,17 @@ def test_a_voltage_tells_a_supply_from_a_gain(model):
     assert ahead(2, both) < ahead(2, joints) - 5.0
 
 
+def test_a_fit_says_what_of_its_cost_is_of_voltages(model):
+    both = Sight(model, [1], (RobotKind.JOINTS, RobotKind.VOLTAGE))
+    supply, gain = (both.fit((name,)) for name in ("supply_voltage@all", "gain_error@all"))
+    assert gain.once > supply.once + 5.0
+    again = both.at(gain)
+    assert again.once == pytest.approx(gain.once)
+    volts = Sight(model, [1], (RobotKind.VOLTAGE,)).blocks(gain.names, gain.z)
+    assert gain.once == pytest.approx(both.cost(volts, gain.noise))
+    assert Sight(model, [1], (RobotKind.JOINTS,)).fit(("gain_error@all",)).once == 0.0
+
+
 def read_in(course, parity):
     """A walk whose voltage was read in every other bin of the phase only."""
     seen = Features.of(course, marvin())
