@@ -170,6 +170,13 @@ def test_what_is_chance_where_a_robot_stands_is_not_unexplained():
     assert rest_of(left, FOUND, [0], [1]).everywhere
 
 
+def test_a_rest_that_nothing_foretells_may_be_larger_where_a_robot_stands():
+    left = Left(*(noise(seed, 1.2 * MISFIT * ENGINES_RAD) for seed in (1, 2)))
+    assert rest_of(left, FOUND, [0], [1]).everywhere
+    left.chances = [np.full(len(ROW), ENGINES_RAD**2)] * 2
+    assert not rest_of(left, FOUND, [0], [1]).everywhere
+
+
 def test_chance_of_one_joint_hides_nothing_in_another():
     values = [noise(seed, 2e-4) + in_place(1.5 * LOCAL) for seed in (1, 2)]
     for joint, hidden in ((4, True), (1, False)):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_spread import APART, DRAWS, WITHIN, of_starts, of_tolerances
+from bench.diagnosis.robot_spread import APART, BOTH, DRAWS, WITHIN, of_starts, of_tolerances
 
 J = RobotKind.JOINTS
 ROW = np.repeat([0, 1], 30)
@@ -42,7 +42,7 @@ def test_what_traces_do_not_foretell_is_spread_over_a_second_of_the_same_joint()
     square = of_tolerances(model(True, False), [0, 1], replaying(asked, away))
     assert list(square) == [1]
     near = np.arange(len(ROW))[10 - APART : 11 + APART]
-    assert square[1][near] == pytest.approx(0.009**2 / (2 * APART + 1))
+    assert square[1][near] == pytest.approx(BOTH * 0.009**2 / (2 * APART + 1))
     assert np.count_nonzero(square[1]) == len(near)
     assert [job.recording for job in asked] == [1] * DRAWS
     assert len({job.nuisances for job in asked}) == DRAWS
@@ -51,7 +51,7 @@ def test_what_traces_do_not_foretell_is_spread_over_a_second_of_the_same_joint()
 
 def test_it_is_the_same_at_a_joints_first_window_as_in_its_middle():
     square = of_tolerances(model(False), [0], replaying([], np.full(len(ROW), 0.01)))
-    assert square[0] == pytest.approx(1e-4)
+    assert square[0] == pytest.approx(BOTH * 1e-4)
 
 
 def test_what_traces_foretell_is_no_spread():
