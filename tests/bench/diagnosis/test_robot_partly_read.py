@@ -317,7 +317,9 @@ def test_a_longer_recording_has_the_rows_of_a_shorter_one():
     assert len(rows) < longer.size
     assert not longer.shows(replace(shorter, goal_rad=shorter.goal_rad + 0.1))
     seen = replace(shorter, voltage_v=np.full(3, 7.4))
+    assert shorter.rows_of(longer) is None
     assert longer.rows_of(seen) is None  # nobody read a voltage in the longer one
+    assert replace(longer, voltage_v=np.full(5, 7.4)).rows_of(shorter) is None
     assert replace(longer, voltage_v=np.full(2, 7.4)).rows_of(seen) is None
     assert list(replace(longer, voltage_v=np.full(5, 7.4)).rows_of(seen)[RobotKind.VOLTAGE]) == [
         0,
