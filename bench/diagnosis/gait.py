@@ -199,12 +199,12 @@ class Bins:
         middle = each.sum(axis=0) / np.maximum(turns, 1)
         squares = (np.where(full, each - middle, 0.0) ** 2).sum(axis=0)
         spare = np.maximum(turns - 1, 0)
-        pooled = _around(squares) / np.maximum(_around(spare), 1)
+        pooled = around(squares, NEIGHBOURS) / np.maximum(around(spare, NEIGHBOURS), 1)
         variance: Floats = pooled / np.maximum(turns, 1)
         return variance
 
 
-def _around(value: Floats | Ints) -> Floats:
-    """Sums of each bin and its neighbours, two either side."""
-    found: Floats = np.convolve(np.pad(value, NEIGHBOURS), np.ones(2 * NEIGHBOURS + 1), "valid")
+def around(value: Floats | Ints, each: int) -> Floats:
+    """Sums of each bin and its neighbours, so many at ``each`` side; none is beyond the ends."""
+    found: Floats = np.convolve(np.pad(value, each), np.ones(2 * each + 1), "valid")
     return found

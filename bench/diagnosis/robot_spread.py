@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .gait import around
 from .robot_curves import Rows
 from .robot_features import Features, RobotKind
 from .robot_nuisances import replayable
@@ -73,10 +74,5 @@ def _about(features: Features, square: Floats) -> Floats:
     found = np.empty_like(square)
     for joint in np.unique(features.joint_row):
         own = features.joint_row == joint
-        ones = np.ones(2 * APART + 1)
-        sums, count = (
-            np.convolve(np.pad(x, APART), ones, "valid")
-            for x in (square[own], np.ones(int(own.sum())))
-        )
-        found[own] = sums / count
+        found[own] = around(square[own], APART) / around(np.ones(int(own.sum())), APART)
     return found
