@@ -260,7 +260,7 @@ def test_what_nuisances_do_is_taken_where_a_fit_has_led(model):
     before, after = first[NULL][:, k], there[NULL][:, k]
     assert np.std(after - before) > 0.2 * np.std(before)
     # exactly so: a robot that is soft, and is that and has a larger gain
-    m = model._like[NULL]
+    m = model.like[NULL]
     trial = next(t for t in model._trials if t.name == "gain")
     one, two = model._run([Job(m, soft, short=True), Job(m, soft, trial="gain", short=True)])
     moved = (two[RobotKind.JOINTS] - one[RobotKind.JOINTS]) / trial.size
