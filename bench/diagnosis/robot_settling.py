@@ -31,7 +31,7 @@ FITTED, JUDGED = 0.6, 1.8
 #: believed; ten nulls of the other engine had 1.0 to 1.4
 SAMPLES = 1.6
 #: the same where robots stand, of noise with what is chance in it. Two nulls of a Marvin by another
-#: engine had 0.35 and 0.40, two of a PhantomX, whose feet slip and stick, 1.0 and 1.6
+#: engine had 0.29 and 0.22, two of a PhantomX, whose feet slip and stick, 0.67 and 1.04
 STANDING = 2.0
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 ENDS = 1  #: so many of 15 tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
