@@ -14,11 +14,12 @@ import numpy as np
 import pyarrow.compute as pc
 
 from bench.experiments.position_error import TorqueSensor
-from bench.recording import Recording, joint_track
+from bench.recording import Recording, RecordingError, joint_track
 from bench.recording.rules import READ, WRITE
 from busemu.tables import Robot, ServoMount
 
 from .gait import gait_phase
+from .robot_replay import LEAST_SAMPLES
 
 SAFE = 0.75  #: of the stall torque, which a servo holds; source: the thesis's safe torque
 #: over that before what follows is left out. Assumed: robots that stand up take 0.7 s
@@ -30,7 +31,10 @@ YIELDING_S = 1.0
 def before_overload(
     robot: Robot, recordings: Sequence[Recording]
 ) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
-    """Recordings up to where all servos hold, and a sentence for each that ends sooner so."""
+    """Recordings up to where all servos hold, and a sentence for each that ends sooner so.
+
+    Raises :class:`RecordingError` where that leaves too little to compare.
+    """
     kept, told = [], []
     for recording in recordings:
         ends = [*_shutdowns(robot, recording), *_overloads(robot, recording)]
@@ -38,10 +42,23 @@ def before_overload(
             kept.append(recording)
             continue
         last_s, what = min(ends)
+        if not _tells(robot, recording, last_s):
+            raise RecordingError(
+                recording.path,
+                f"{what}, from {last_s - recording.t_s[0]:.2f} s after its beginning on: what is "
+                "before that is too short to compare; leave this recording out, or record it with "
+                "less load",
+            )
         table = recording.table.filter(pc.less_equal(recording.table.column("t_s"), last_s))
         kept.append(Recording.checked(table, recording.metadata, recording.path))
         told.append(f"{recording.name}: {what}; what follows {last_s:.2f} s is not compared")
     return tuple(kept), tuple(told)
+
+
+def _tells(robot: Robot, recording: Recording, last_s: float) -> bool:
+    """Whether some joint was read often enough until then."""
+    tracks = (joint_track(recording, mount.joint, robot) for mount in robot.servos)
+    return any(np.sum(track.position_t_s <= last_s) >= LEAST_SAMPLES for track in tracks)
 
 
 def _shutdowns(robot: Robot, recording: Recording) -> Iterator[tuple[float, str]]:

@@ -34,6 +34,7 @@ SAMPLES = 1.6
 #: engine had 0.29 and 0.22, two of a PhantomX, whose feet slip and stick, 0.67 and 1.04
 STANDING = 2.0
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
+MOST = 0.5  #: share of that below which a name must bring it for voltages to ask for it; assumed
 ENDS = 1  #: so many of 15 tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
@@ -123,6 +124,14 @@ class RobotJudges:
         own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
         return float(np.mean(np.concatenate(own))) if own else 0.0
 
+    def restores_volts(self, without: RobotFit, now: RobotFit) -> bool:
+        """Whether voltages ask for a name: they deny the model, and less than half so with it.
+
+        What is left of it then is told. Positions of two engines may want another size.
+        """
+        denied = self.volts_denied(without)
+        return bool(denied) and abs(self.volts_denied(now)) < MOST * abs(denied)
+
     def explainable(self, base: RobotFit, now: RobotFit) -> float:
         """How much of the misfit where it is judged can be explained [rad^2]; 0 or less: nothing.
 
@@ -136,10 +145,11 @@ class RobotJudges:
         """Share of the misfit where it is judged that a name takes away, -1 to 1.
 
         ``explainable`` [rad^2] is of positions, as :meth:`explainable` has it. Where tolerances
-        leave none of that, a name shows in voltages, if anywhere.
+        leave none of that, or take it about as well, a name shows in voltages, if anywhere.
         """
-        if explainable > 0.0:
-            off = self.square(without, self.judges) - self.square(now, self.judges)
+        off = self.square(without, self.judges) - self.square(now, self.judges)
+        shows = abs(off) >= LITTLE * explainable or not self.restores_volts(without, now)
+        if explainable > 0.0 and shows:
             return float(np.clip(off / explainable, -1.0, 1.0))
         left, more = (self.volts_more(fit) ** 2 for fit in (now, without))
         return float(np.clip(1.0 - left / more, -1.0, 1.0)) if more else 0.0
@@ -255,11 +265,11 @@ class RobotJudges:
         It must take off ``least``, and make samples (``seen`` with it) no worse. Where without it
         tolerances stand in for something, and with it none do, those had foretold recordings that
         judge as well: it may be worse there by that much, and samples a little. So where without it
-        voltages deny the model, and with it they do not. But not beside another name: that may be
-        what they stand in for.
+        voltages deny the model, and it takes away most of that. But not beside another name: that
+        may be what they stand in for.
         """
         frees = bool(self.strained(without)) and not self.strained(now)
-        frees |= bool(self.volts_denied(without)) and not self.volts_denied(now)
+        frees |= self.restores_volts(without, now)
         if frees and len(now.names) > 1:
             frees = self.outside(now) < self.outside(without)
         allowed = self.samples(without).steady * (1.0 + SPOILT if frees else 1.0)

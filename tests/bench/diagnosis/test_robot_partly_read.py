@@ -243,6 +243,18 @@ def test_a_standing_robot_is_compared_until_a_servo_is_near_its_limit(error_rad,
     assert sentence.startswith(f"walk-1: {JOINTS[0]} is near its stall torque for long; what")
 
 
+def test_a_recording_without_anything_before_its_limit_is_refused():
+    for first_s in (0.2, 0.3):
+        recording = standing(held_off(0.17, first_s, 3.5))
+        with pytest.raises(
+            RecordingError,
+            match=rf"{JOINTS[0]} is near its stall torque for long, from {first_s}. s after its "
+            r"beginning on: what is before that is too short .* leave this recording out",
+        ):
+            before_overload(marvin(), [recording])
+    before_overload(marvin(), [standing(held_off(0.17, 0.45, 3.5))])
+
+
 def test_rounding_of_a_joint_that_stands_is_in_its_means():
     moving = Features.of(course(standing(lambda t: 0.1 * t), marvin()), marvin())
     assert moving.phase is None

@@ -258,7 +258,7 @@ class Given(RobotJudges):
     whole: ClassVar = {}
     floor_square = 1.0
     stand_in: ClassVar = frozenset()
-    denied: ClassVar = frozenset()
+    denied: ClassVar = {}
     costs: ClassVar = {}
 
     def outside(self, found):
@@ -268,7 +268,7 @@ class Given(RobotJudges):
         return ("gain",) if found.names in self.stand_in else ()
 
     def volts_denied(self, found):
-        return -0.7 if found.names in self.denied else 0.0
+        return self.denied.get(found.names, 0.0)
 
     def resized(self, now, name):
         return now
@@ -284,14 +284,14 @@ class Given(RobotJudges):
         return SimpleNamespace(names=left)
 
 
-def kept(phases, seen=None, whole=None, stand_in=(), costs=None, denied=()):
+def kept(phases, seen=None, whole=None, stand_in=(), costs=None, denied=None):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
     own = Given(search, None, FITS, JUDGES, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
-    Given.costs, Given.denied = costs or {}, frozenset(denied)
+    Given.costs, Given.denied = costs or {}, denied or {}
     gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
@@ -337,13 +337,14 @@ def test_a_name_that_tolerances_had_stood_in_for_need_not_be_better_where_they_f
 
 def test_a_name_that_voltages_ask_for_need_not_be_better_where_tolerances_foretell_as_much():
     slightly = {(): 1.0, ("a",): 1.0 + 0.9 * RELIEF}
-    assert kept(slightly, denied=[()]) == ("a",)
+    assert kept(slightly, denied={(): -0.7}) == ("a",)
     assert kept(slightly) == ()
-    assert kept(slightly, denied=[(), ("a",)]) == ()
+    for left, names in ((-0.7, ()), (-0.36, ()), (-0.34, ("a",)), (0.34, ("a",)), (0.36, ())):
+        assert kept(slightly, denied={(): -0.7, ("a",): left}) == names
     squares = {(): 9.0, ("a",): 2.0, ("b",): 9.0, ("a", "b"): 2.1}
     for outside, names in ((-1.0, ("a", "b")), (1.0, ("a",))):
         costs = dict.fromkeys(squares, 100.0) | {("a", "b"): 100.0 + outside}
-        assert kept(squares, denied=[("a",)], costs=costs) == names
+        assert kept(squares, denied={("a",): -0.7}, costs=costs) == names
 
 
 @pytest.mark.parametrize(("outside", "names"), [(-1.0, ("a", "b")), (1.0, ("a",))])
@@ -485,6 +486,10 @@ def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
         (4e-6, (9e-6, 2e-6), (0.0, -0.9), 1.0),
         (-1e-7, (5e-6, 2e-6), (-0.9, -0.3), 8.0 / 9.0),  # nothing but voltages shows it
         (-1e-7, (5e-6, 2e-6), (-0.1, -0.9), -1.0),
+        (4e-6, (2e-6, 2.3e-6), (-0.9, -0.3), 8.0 / 9.0),  # tolerances take as much of positions
+        (4e-6, (2e-6, 1.7e-6), (-0.9, -0.3), 8.0 / 9.0),
+        (4e-6, (2e-6, 2.3e-6), (-0.9, -0.6), -0.075),  # and the name little of voltages
+        (4e-6, (2e-6, 1.5e-6), (-0.9, -0.3), 0.125),
         (-1e-7, (5e-6, 2e-6), (0.0, 0.0), 0.0),  # nor do they, as nobody read any
     ],
 )
