@@ -191,7 +191,7 @@ def test_what_nobody_but_the_host_switched_is_kept(values, written):
     assert before_overload(marvin(), [walk]) == ((walk,), ())
 
 
-def standing(error_rad, walks=False):
+def standing(error_rad, walks=False, begin_s=0.0):
     """A robot that is told to stand (or walks, in its goals), read at 50 Hz for four seconds.
 
     The first joint is ``error_rad`` of the time from its goal.
@@ -203,9 +203,10 @@ def standing(error_rad, walks=False):
         for j, mount in enumerate(mounts):
             goal = 0.3 * np.sin(2.0 * np.pi * t) if walks else 0.2
             if walks or not k:
-                rows.append(row(t, mount, "write", "goal_position", goal))
+                rows.append(row(begin_s + t, mount, "write", "goal_position", goal))
             off = error_rad(t) if j == 0 else 0.0
-            rows.append(row(t + 0.002, mount, "read", "present_position", goal - off))
+            read_s = begin_s + t + 0.002
+            rows.append(row(read_s, mount, "read", "present_position", goal - off))
     schema = walk.table.schema
     every = sorted(rows, key=lambda one: one["t_s"])
     return Recording.checked(pa.Table.from_pylist(every, schema), walk.metadata)
@@ -245,7 +246,7 @@ def test_a_standing_robot_is_compared_until_a_servo_is_near_its_limit(error_rad,
 
 def test_a_recording_without_anything_before_its_limit_is_refused():
     for first_s in (0.2, 0.3):
-        recording = standing(held_off(0.17, first_s, 3.5))
+        recording = standing(held_off(0.17, first_s, 3.5), begin_s=0.7)
         with pytest.raises(
             RecordingError,
             match=rf"{JOINTS[0]} is near its stall torque for long, from {first_s}. s after its "
