@@ -155,7 +155,7 @@ class RobotJudges:
         return float(np.clip(1.0 - left / more, -1.0, 1.0)) if more else 0.0
 
     def undenied(self, found: RobotFindings) -> RobotFindings:
-        """Findings without those rivals that voltages speak against, where not against the name.
+        """Findings without those rivals that voltages speak against, where less against the name.
 
         Means over the phase may follow a low gain as well as a low supply, and a likelihood with
         heavy tails lets one channel be far off.
@@ -163,10 +163,10 @@ class RobotJudges:
         tried, alike = list(found.tried), dict(found.alike)
         for gain in found.taken:
             k = next((k for k, step in enumerate(tried) if any(g is gain for g in step)), None)
-            if k is None or self.volts_denied(gain.fit):
+            if k is None:
                 continue
             close = [g for g in tried[k] if g is not gain and gain.ahead_of(g) < CLOSE]
-            denied = {g.name for g in close if self.volts_denied(g.fit)}
+            denied = {g.name for g in close if self.restores_volts(g.fit, gain.fit)}
             tried[k] = tuple(g for g in tried[k] if g.name not in denied)
             alike[gain.name] = tuple(p for p in alike.get(gain.name, ()) if p[0] not in denied)
         return replace(found, tried=tuple(tried), alike=alike)

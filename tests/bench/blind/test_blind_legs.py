@@ -83,8 +83,24 @@ def test_the_share_in_stance_is_of_squares_while_walking() -> None:
     assert legged_sizing.standing_share([still], [moved]) == pytest.approx(4 / 5)
 
 
+def test_standing_up_is_over_where_the_share_in_stance_begins(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = SCENES["phantomx-walk"]
+    whole = legged_sizing.believed(scene)
+    changed, _ = LEGGED["gain_error"].apply(
+        whole, 0.1, Where(-1, tuple(f"leg{n}" for n in range(1, 7)))
+    )
+    one = legged_sizing.base(scene.name)
+    two = legged_sizing.tracks(scene, {"straight": changed})
+    share = legged_sizing.standing_share(one, two)
+    monkeypatch.setattr(legged_sizing, "BEGINNING_S", legged_sizing.BEGINNING_S + 1.0)
+    later = legged_sizing.standing_share(one, two)
+    assert share == pytest.approx(later, abs=0.05)  # slipping feet of its start would give 0.50
+
+
 def test_soft_tips_move_joints_that_stand(monkeypatch: pytest.MonkeyPatch) -> None:
-    walk = (Group("straight", WalkPlan(seconds=1.0)),)
+    walk = (Group("straight", WalkPlan(seconds=2.5)),)
     scene = Scene("short-walk", "marvin", "ground", walk, (), ("straight",))
     monkeypatch.setattr(legged_sizing, "SCENES", {scene.name: scene})
     effect = LEGGED["foot_compliance"]

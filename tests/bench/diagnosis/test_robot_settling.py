@@ -446,10 +446,12 @@ def gain_of(name, nats):
 @pytest.mark.parametrize(
     ("denied", "kept"),
     [
-        ((), ["gain", "limit", "far"]),
-        (("gain",), ["limit", "far"]),
-        (("gain", "far"), ["limit", "far"]),  # what is far behind is no rival, and is not asked
-        (("supply", "gain"), ["gain", "limit", "far"]),
+        ({}, ["gain", "limit", "far"]),
+        ({"gain": -0.9}, ["limit", "far"]),
+        # what is far behind is no rival, and is not asked
+        ({"gain": -0.9, "far": -0.9}, ["limit", "far"]),
+        ({"supply": -0.5, "gain": -0.9}, ["gain", "limit", "far"]),
+        ({"supply": -0.4, "gain": -0.9}, ["limit", "far"]),
     ],
 )
 def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
@@ -465,15 +467,13 @@ def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
     def volts_denied(self, fit):
         (name,) = fit.names
         asked.append(name)
-        return -0.9 if name in denied else 0.0
+        return denied.get(name, 0.0)
 
     monkeypatch.setattr(RobotJudges, "volts_denied", volts_denied)
     left = judges({}).undenied(found)
     assert [gain.name for gain in left.tried[0]] == ["supply", *kept]
     assert [name for name, _ in left.alike["supply"]] == [n for n in kept if n != "far"]
-    assert [gain.name for gain in left.tried[1]] == (
-        ["tips"] if "gain" in denied else ["tips", "gain"]
-    )
+    assert [gain.name for gain in left.tried[1]] == (["tips"] if denied else ["tips", "gain"])
     assert "far" not in asked
     assert left.taken == found.taken
 
