@@ -1,0 +1,100 @@
+"""Several runs of a proof counted together, from the tables that each has left.
+
+    python -m bench.proof.together docs/proof/robots-*-run/cases.csv
+
+prints rows for a page. Runs are of different states of the diagnosis, each frozen: together they
+say how good it has been, and no run alone has cases enough for that.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+
+from .scoring import AT_1, AT_3, Row, share
+
+Case = dict[str, str]
+#: an estimate with its interval, as a table has it
+SHOWN = re.compile(r"(?P<name>[^=\s]+)=(?P<value>[^\[]+)\[(?P<low>[^;]+);(?P<high>[^\]]+)\]")
+
+
+def read_tables(paths: Iterable[Path]) -> list[Case]:
+    """All cases of some tables. Raises ``ValueError`` naming a file that is none."""
+    cases: list[Case] = []
+    for path in paths:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            if missing := {"kind", "ratio", "labels", "verdict"} - set(reader.fieldnames or ()):
+                raise ValueError(
+                    f"{path}: no column {sorted(missing)[0]!r}: name the cases.csv of a proof"
+                )
+            cases += list(reader)
+    return cases
+
+
+def rows(cases: Sequence[Case]) -> dict[str, Row]:
+    """What is counted, by its name on a page."""
+    single = [c for c in cases if c["kind"] == "single"]
+    nulls = [c for c in cases if c["kind"] == "null"]
+    large = [c for c in single if float(c["ratio"]) >= AT_3]
+    small = [c for c in single if AT_1 <= float(c["ratio"]) < AT_3]
+    names = [label for c in cases for label in c["labels"].split()]
+    told = [c for c in cases if c["told_phase"]]
+    return {
+        "class right at 3 floors and more, single effect": _flags(large, "first_right"),
+        "the same at 1 to 3 floors": _flags(small, "first_right"),
+        "full set right, pairs": _flags(
+            (c for c in cases if c["kind"] == "pair"), "full_set_right"
+        ),
+        "nulls that are not *consistent*": share(c["verdict"] != "consistent" for c in nulls),
+        "nulls that have a name": share(bool(c["labels"]) for c in nulls),
+        "names said that are true": share(label != "wrong" for label in names),
+        "confidently wrong": _flags(cases, "certain_and_wrong"),
+        "intervals that hold the truth": share(within for c in cases for within in held(c)),
+        "phase right, where one is told": share(c["told_phase"] == c["true_phase"] for c in told),
+    }
+
+
+def held(case: Case) -> Iterator[bool]:
+    """Of every number that has an interval and a truth, whether the one holds the other."""
+    shown = {found["name"]: found for found in SHOWN.finditer(case["parameters"])}
+    for word in case["true_parameters"].split():
+        name, _, true = word.partition("=")
+        if (found := shown.get(name)) and "none" not in (found["low"], found["high"]):
+            yield float(found["low"]) <= float(true) <= float(found["high"])
+
+
+def page(cases: Sequence[Case]) -> Iterator[str]:
+    """The lines of a table."""
+    yield "| score | value | cases | 95 % |"
+    yield "|---|---|---|---|"
+    for name, row in rows(cases).items():
+        if row["n"]:
+            low, high = row["ci95"]
+            yield f"| {name} | {row['value']:.2g} | {row['n']} | {low:.2f} - {high:.2f} |"
+
+
+def _flags(cases: Iterable[Case], column: str) -> Row:
+    return share(c[column] == "1" for c in cases)
+
+
+def main(words: Sequence[str], say: Callable[[str], None] = print) -> int:
+    """Print the table of some files; 1 with a line on what is wrong with one."""
+    if not words or words[0] in ("-h", "--help"):
+        say(__doc__ or "")
+        return 0
+    try:
+        cases = read_tables(map(Path, words))
+    except (OSError, ValueError) as error:
+        say(f"error: {error}")
+        return 1
+    for line in page(cases):
+        say(line)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

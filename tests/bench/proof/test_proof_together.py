@@ -1,0 +1,106 @@
+"""Several runs counted together, from the tables that they left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bench.proof.scoring import AT_1, AT_3
+from bench.proof.table import write_table
+from bench.proof.together import held, main, page, read_tables, rows
+from tests.bench.proof.judged_cases import hidden_in, judged, robot_diagnosis, robot_key
+
+FLAGS = ("first_right", "full_set_right", "certain_and_wrong")
+
+
+def case(kind="single", ratio=4.0, verdict="explained", labels="", **more):
+    flags = dict.fromkeys(FLAGS, "0") | {"true_phase": "", "told_phase": ""}
+    numbers = {"true_parameters": "", "parameters": ""}
+    given = {"kind": kind, "ratio": str(ratio), "verdict": verdict, "labels": labels}
+    return flags | numbers | given | {name: str(value) for name, value in more.items()}
+
+
+def counted(name, *cases):
+    (found,) = [row for key, row in rows(cases).items() if key.startswith(name)]
+    return found["value"], found["n"]
+
+
+def test_sizes_count_where_they_belong():
+    few = [
+        case(ratio=AT_3 + 0.01, first_right=1),
+        case(ratio=AT_3 + 0.01),
+        case(ratio=AT_3 - 0.01, first_right=1),
+        case(ratio=AT_1 - 0.01),
+        case("pair", ratio=9.0, full_set_right=1),
+    ]
+    assert counted("class right", *few) == (0.5, 2)
+    assert counted("the same", *few) == (1.0, 1)
+    assert counted("full set", *few) == (1.0, 1)
+
+
+def test_a_null_may_alarm_without_a_name():
+    nulls = [
+        case("null", "nan", "consistent"),
+        case("null", "nan", "unexplained"),
+        case("null", "nan", "explained", "wrong"),
+        case(verdict="unexplained"),
+    ]
+    assert counted("nulls that are", *nulls) == (pytest.approx(2 / 3), 3)
+    assert counted("nulls that have", *nulls) == (pytest.approx(1 / 3), 3)
+
+
+def test_every_name_counts_and_so_does_what_is_sure_and_wrong():
+    few = [
+        case(labels="hidden ordinary"),
+        case(labels="hidden wrong", certain_and_wrong=1),
+        case("null", "nan", "consistent"),
+    ]
+    assert counted("names", *few) == (0.75, 4)
+    assert counted("confidently", *few) == (pytest.approx(1 / 3), 3)
+
+
+def test_a_phase_counts_where_one_is_told():
+    few = [
+        case(true_phase="stance", told_phase="stance"),
+        case(true_phase="all", told_phase="stance"),
+        case(true_phase="all"),
+    ]
+    assert counted("phase", *few) == (0.5, 2)
+
+
+def test_an_interval_is_asked_for_its_own_truth():
+    told = case(
+        true_parameters="gain_error.scale=0.8 payload.mass_kg=0.5 tilt.roll_rad=-0.1 far.k=inf",
+        parameters="payload.mass_kg=0.51[0.49;0.53] gain_error.scale=0.9[0.85;0.95] "
+        "tilt.roll_rad=-0.2[-0.3;-0.05] far.k=none[3;none] other.k=1[0;2]",
+    )
+    assert list(held(told)) == [False, True, True]
+
+
+def test_tables_of_a_proof_are_read_together(tmp_path: Path):
+    right = judged(
+        robot_key("single", hidden_in("payload", ["leg1.femur"], mass_kg=(0.5, 0.0))),
+        robot_diagnosis(),
+        "robot-1",
+    )
+    paths = [tmp_path / "one.csv", tmp_path / "two.csv"]
+    for path in paths:
+        write_table([right], path)
+    lines: list[str] = []
+    assert main([str(path) for path in paths], lines.append) == 0
+    assert lines[0] == "| score | value | cases | 95 % |"
+    assert lines == list(page(read_tables(paths)))
+    assert any(line.startswith("| confidently wrong | 0 | 2 | 0.00 - ") for line in lines)
+
+
+def test_another_file_is_named_with_what_it_lacks(tmp_path: Path):
+    other = tmp_path / "other.csv"
+    other.write_text("kind,ratio\nnull,nan\n", encoding="utf-8")
+    said: list[str] = []
+    assert main([str(other)], said.append) == 1
+    assert said == [f"error: {other}: no column 'labels': name the cases.csv of a proof"]
+    assert main([str(tmp_path / "none.csv")], said.append) == 1
+    assert "none.csv" in said[1]
+    assert main([], said.append) == 0
+    assert "cases.csv" in said[2]
