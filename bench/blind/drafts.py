@@ -176,6 +176,7 @@ class LeggedDraft:
                 "size": hidden.size,
                 "ratio": number(hidden.ratio),
                 "wanted_ratio": number(hidden.wanted),
+                "walking_ratio": hidden.walking(scene),
                 "channel": "present_position",
             }
             for hidden, truth in truths

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .case import COUNT, DRAWS, SHARES, Asked, Concealment, Kind
 from .changes import Truth
 from .legged_effects import LEGGED, LeggedEffect, Where, Whole
-from .legged_sizing import base, believed, legged_ratio, standing_share, tracks
+from .legged_sizing import base, believed, legged_ratio, standing_share, tracks, walking_ratio
 from .scenes import SCENES, Plan, Scene
 from .sizing import RATIOS
 
@@ -45,6 +45,12 @@ class LeggedHidden:
     def joints(self) -> tuple[str, ...]:
         """Joints that it is in."""
         return tuple(self.where.joints(*self.effect.links))
+
+    def walking(self, scene: Scene) -> float | None:
+        """Its size while the robot walks, in floors; ``None`` on a stand, and of a disguise."""
+        if scene.support != "ground" or math.isnan(self.ratio):
+            return None
+        return walking_ratio(scene.name, self.name, self.size, self.where)
 
     def on(self, whole: Whole) -> tuple[Whole, Truth]:
         """A robot with it, and its true parameters."""

@@ -95,12 +95,33 @@ def passing(whole: Whole, late: float) -> Whole:
 @lru_cache(maxsize=4096)
 def legged_ratio(name: str, effect: str, size: float, where: Where) -> float:
     """An effect's RMS change of all joint angles over the noise floor."""
+    return _apart(base(name), _with(name, effect, size, where)) / legged_floor(name)
+
+
+def walking_ratio(name: str, effect: str, size: float, where: Where) -> float:
+    """The same while the robot walks: standing up and lying down are left out."""
+    walks = (
+        [_walk(track) for track in one] for one in (base(name), _with(name, effect, size, where))
+    )
+    return _apart(*walks) / legged_floor(name)
+
+
+@lru_cache(maxsize=64)
+def _with(name: str, effect: str, size: float, where: Where) -> list[Track]:
+    """Tracks of the robot as it is believed to be, but for one effect."""
     scene = SCENES[name]
     changed = {
         g.name: LEGGED[effect].apply(believed(scene, g.plan), size, where)[0]
         for g in _sized_on(scene)
     }
-    return _apart(base(name), tracks(scene, changed)) / legged_floor(name)
+    return tracks(scene, changed)
+
+
+def _walk(track: Track) -> Track:
+    """A track while the robot walks."""
+    n = len(track.angle_rad)
+    walk = slice(round(BEGINNING_S / OBSERVE_S), n - round(END_S / OBSERVE_S))
+    return Track(track.angle_rad[walk], track.stands[walk])
 
 
 def standing_share(first: Sequence[Track], second: Sequence[Track]) -> float:
@@ -109,10 +130,9 @@ def standing_share(first: Sequence[Track], second: Sequence[Track]) -> float:
     Legs stand as they do in the first. Standing up and lying down are left out.
     """
     total = standing = 0.0
-    for one, two in zip(first, second, strict=True):
+    for one, two in zip(map(_walk, first), map(_walk, second), strict=True):
         n = min(len(one.angle_rad), len(two.angle_rad))
-        walk = slice(round(BEGINNING_S / OBSERVE_S), n - round(END_S / OBSERVE_S))
-        square = (one.angle_rad[walk] - two.angle_rad[walk]) ** 2
+        square = (one.angle_rad[:n] - two.angle_rad[:n]) ** 2
         total += float(square.sum())
-        standing += float(square[one.stands[walk]].sum())
+        standing += float(square[one.stands[:n]].sum())
     return standing / total

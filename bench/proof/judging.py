@@ -77,6 +77,7 @@ class Judged:
     mse_oracle: float
     ambiguous: bool  #: the first cause has rivals that are not told apart
     seconds: float
+    walking: float = math.nan  #: the ratio while a robot walks, without standing up; nan: no robot
     place: Place | None = None  #: in a robot: where something is hidden, and where it was found
 
     @property
@@ -119,6 +120,8 @@ def judge(
     named = _labelled(causes, findable, ordinary, sight)
     ratios = [float(effect["ratio"]) for effect in key["effects"]]
     left = [float(effect["left"]["ratio"]) for effect in key["effects"] if effect.get("left")]
+    told_walking = (effect.get("walking_ratio") for effect in key["effects"])
+    walking = [float(ratio) for ratio in told_walking if ratio is not None]
     first, second = _guesses(causes, named)
     classes = [same(name, sight) for name in findable]
     stated = _stated(causes, named)
@@ -137,6 +140,7 @@ def judge(
         ordinary=ordinary,
         ratio=min(ratios, default=math.nan),
         left=min(left, default=math.nan),
+        walking=min(walking, default=math.nan),
         failure=told["failure"],
         verdict=diagnosis["verdict"] if diagnosis else "failed",
         named=named,

@@ -9,7 +9,7 @@ import numpy as np
 
 from .judging import UNKNOWN_KINDS, Judged
 from .places import Place
-from .scoring import AT_3, Row, beside, score, set_goal, share, statistic
+from .scoring import AT_3, LEFT_1, LEFT_3, Row, beside, naming, score, set_goal, share, statistic
 
 #: good and great by row; more is better
 GOALS: Mapping[str, tuple[float, float, bool]] = {
@@ -40,7 +40,16 @@ def robot_score(cases: Sequence[Judged]) -> dict[str, Any]:
     return {
         "cases": len(cases),
         "rows": rows,
-        "beside": {**beside(cases), "place_by_scene": by_scene},
+        "beside": {
+            **beside(cases),
+            "named_at_3_floor_walking": naming(
+                c for c in cases if c.kind == "single" and c.walking >= LEFT_3
+            ),
+            "named_at_1_to_3_floor_walking": naming(
+                c for c in cases if c.kind == "single" and LEFT_1 <= c.walking < LEFT_3
+            ),
+            "place_by_scene": by_scene,
+        },
     }
 
 

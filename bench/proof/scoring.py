@@ -79,14 +79,14 @@ def calibration_error(rows: Floats) -> float:
 def score(cases: Sequence[Judged]) -> dict[str, Row]:
     """All rows by their names, with goals; rows within rows say what stands beside them."""
     rows = {
-        "named_at_3_floor": _naming(c for c in cases if c.kind == "single" and c.ratio >= AT_3),
-        "named_at_1_to_3_floor": _naming(
+        "named_at_3_floor": naming(c for c in cases if c.kind == "single" and c.ratio >= AT_3),
+        "named_at_1_to_3_floor": naming(
             c for c in cases if c.kind == "single" and AT_1 <= c.ratio < AT_3
         ),
-        "named_at_3_floor_left": _naming(
+        "named_at_3_floor_left": naming(
             c for c in cases if c.kind == "single" and c.left >= LEFT_3
         ),
-        "named_at_1_to_3_floor_left": _naming(
+        "named_at_1_to_3_floor_left": naming(
             c for c in cases if c.kind == "single" and LEFT_1 <= c.left < LEFT_3
         ),
         "confidently_wrong": _certain(cases),
@@ -114,8 +114,8 @@ def beside(cases: Sequence[Judged]) -> dict[str, Any]:
     """What is worth knowing and is no row: small sizes, strangers, all by effect, failures."""
     small = [c for c in cases if c.kind == "single" and c.ratio < AT_1]
     return {
-        "named_below_floor": _naming(small),
-        "named_below_floor_left": _naming(
+        "named_below_floor": naming(small),
+        "named_below_floor_left": naming(
             c for c in cases if c.kind == "single" and c.left < LEFT_1
         ),
         "strangers_unexplained": _unknown(cases, "stranger", lambda c: c.says_unknown),
@@ -123,13 +123,13 @@ def beside(cases: Sequence[Judged]) -> dict[str, Any]:
         "failed": share(bool(c.failure) for c in cases),
         "seconds_median": float(np.median([c.seconds for c in cases])) if cases else None,
         "by_concealment": {
-            way: _naming(
+            way: naming(
                 c for c in cases if c.kind == "single" and c.concealment == way and c.ratio >= AT_3
             )
             for way in sorted({c.concealment for c in cases if c.kind == "single"})
         },
         "by_effect": {
-            name: _naming(
+            name: naming(
                 c for c in cases if c.kind == "single" and c.hidden == (name,) and c.ratio >= AT_3
             )
             for name in sorted({c.hidden[0] for c in cases if c.kind == "single"})
@@ -151,7 +151,7 @@ def set_goal(row: Row, good: float, great: float, more: bool) -> None:
             row["met"] = name
 
 
-def _naming(cases: Iterable[Judged]) -> Row:
+def naming(cases: Iterable[Judged]) -> Row:
     """The first name right by class; within: the second guess, by name, and as a full set."""
     told = list(cases)
     return {

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from .scoring import AT_1, AT_3, Row, share
+from .scoring import AT_1, AT_3, LEFT_1, LEFT_3, Row, share
 
 Case = dict[str, str]
 #: an estimate with its interval, as a table has it
@@ -46,6 +46,12 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
     return {
         "class right at 3 floors and more, single effect": _flags(large, "first_right"),
         "the same at 1 to 3 floors": _flags(small, "first_right"),
+        "class right where it moves a walk by 3 floors and more": _flags(
+            (c for c in single if (walking(c) or 0.0) >= LEFT_3), "first_right"
+        ),
+        "the same by 1 to 3 floors": _flags(
+            (c for c in single if LEFT_1 <= (walking(c) or 0.0) < LEFT_3), "first_right"
+        ),
         "full set right, pairs": _flags(
             (c for c in cases if c["kind"] == "pair"), "full_set_right"
         ),
@@ -56,6 +62,12 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "intervals that hold the truth": share(within for c in cases for within in held(c)),
         "phase right, where one is told": share(c["told_phase"] == c["true_phase"] for c in told),
     }
+
+
+def walking(case: Case) -> float | None:
+    """The size while a robot walks, in floors, where a run has measured it."""
+    told = case.get("ratio_walking", "")
+    return float(told) if told else None
 
 
 def held(case: Case) -> Iterator[bool]:

@@ -83,6 +83,24 @@ def test_the_share_in_stance_is_of_squares_while_walking() -> None:
     assert legged_sizing.standing_share([still], [moved]) == pytest.approx(4 / 5)
 
 
+def test_the_size_of_a_walk_is_without_standing_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, after = (round(s / OBSERVE_S) for s in (legged_sizing.BEGINNING_S, legged_sizing.END_S))
+    still = legged_sizing.Track(np.zeros((before + 10 + after, 2)), np.zeros((1, 2), dtype=bool))
+    angle = np.full_like(still.angle_rad, 7.0)
+    angle[before : before + 10] = 3.0
+    moved = legged_sizing.Track(angle, still.stands)
+    monkeypatch.setattr(legged_sizing, "base", lambda _: [still])
+    monkeypatch.setattr(legged_sizing, "_with", lambda *_: [moved])
+    monkeypatch.setattr(legged_sizing, "legged_floor", lambda _: 2.0)
+    where = Where(1, ())
+    assert legged_sizing.walking_ratio("a walk", "payload", 1.0, where) == pytest.approx(1.5)
+    hidden = legged_case.LeggedHidden("payload", 1.0, 3.0, 3.0, where)
+    disguise = legged_case.LeggedHidden("gain_error", 0.1, math.nan, math.nan, where)
+    assert hidden.walking(SCENES["marvin-walk"]) == pytest.approx(1.5)
+    assert hidden.walking(SCENES["marvin-leg"]) is None
+    assert disguise.walking(SCENES["marvin-walk"]) is None
+
+
 def test_standing_up_is_over_where_the_share_in_stance_begins(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -23,6 +23,7 @@ from bench.proof.report import write_score
 from bench.proof.robot_pictures import draw_robots
 from bench.proof.robot_scoring import GOALS, place_rows, robot_score
 from bench.proof.scoring import GOALS as JOINT_GOALS
+from bench.proof.table import line
 
 TIBIAS = [f"leg{n}.tibia" for n in range(1, 7)]
 EVERY = [f"leg{n}.{link}" for n in range(1, 7) for link in ("coxa", "femur", "tibia")]
@@ -32,6 +33,10 @@ SWINGS = [mismatch(TIBIAS, "swing")]
 
 def mass(ratio):
     return hidden_in("link_mass", TIBIAS, ratio, factor=(1.5, 1.0))
+
+
+def with_walking(concealed, ratio):
+    return concealed | {"walking_ratio": ratio}
 
 
 def weight(ratio):
@@ -79,6 +84,25 @@ def test_phases_are_a_share_of_cases(cases):
     assert row["told_at_all"]["value"] == 0.75
     assert row["at_all_sizes"]["value"] == pytest.approx(2 / 5)
     assert row["met"] == "no"
+
+
+def test_sizes_of_a_walk_without_standing_up_are_counted_beside_the_rows():
+    right, wrong = placed("link_mass", TIBIAS), placed("backlash", TIBIAS)
+    walks = [(3.0, right), (2.9, right), (2.9, wrong), (1.0, wrong), (0.9, wrong), (0.0, wrong)]
+    walked = [
+        judged(robot_key("single", with_walking(mass(5.0), ratio)), robot_diagnosis(cause))
+        for ratio, cause in walks
+    ]
+    walked.append(judged(robot_key("single", mass(5.0)), robot_diagnosis(right)))
+    two = robot_key("pair", with_walking(mass(5.0), 4.0), with_walking(weight(5.0), 3.5))
+    walked.append(judged(two, robot_diagnosis(right)))
+    beside = robot_score(walked)["beside"]
+    large, small = (beside[f"named_at_{n}_floor_walking"] for n in ("3", "1_to_3"))
+    assert (large["value"], large["n"]) == (1.0, 1)
+    assert (small["value"], small["n"]) == (pytest.approx(1 / 3), 3)
+    assert walked[-1].walking == 3.5
+    assert walked[-3].walking == 0.0
+    assert [line(c)["ratio_walking"] for c in walked[-3:]] == ["0", "", "3.5"]
 
 
 def test_without_a_robot_the_rows_are_empty_and_not_nought():

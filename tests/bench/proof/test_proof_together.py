@@ -34,9 +34,15 @@ def test_sizes_count_where_they_belong():
         case(ratio=AT_1 - 0.01),
         case("pair", ratio=9.0, full_set_right=1),
     ]
-    assert counted("class right", *few) == (0.5, 2)
-    assert counted("the same", *few) == (1.0, 1)
+    assert counted("class right at", *few) == (0.5, 2)
+    assert counted("the same at", *few) == (1.0, 1)
     assert counted("full set", *few) == (1.0, 1)
+
+
+def test_sizes_of_a_walk_count_where_a_run_has_them():
+    few = [case(ratio_walking=x, first_right=int(x != "2.9")) for x in ("3.0", "2.9", "0.9", "")]
+    assert counted("class right where it moves", *few, case(first_right=1)) == (1.0, 1)
+    assert counted("the same by 1 to 3", *few) == (0.0, 1)
 
 
 def test_a_null_may_alarm_without_a_name():
