@@ -10,13 +10,17 @@ from __future__ import annotations
 
 import csv
 import re
-import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from .scoring import AT_1, AT_3, LEFT_1, LEFT_3, Row, share
+from .table import COLUMNS
 
 Case = dict[str, str]
+NEEDED = frozenset(COLUMNS) - {"ratio_walking", "ratio_left"}  #: what tables have always had
 #: an estimate with its interval, as a table has it
 SHOWN = re.compile(r"(?P<name>[^=\s]+)=(?P<value>[^\[]+)\[(?P<low>[^;]+);(?P<high>[^\]]+)\]")
 
@@ -27,7 +31,7 @@ def read_tables(paths: Iterable[Path]) -> list[Case]:
     for path in paths:
         with path.open(encoding="utf-8", newline="") as file:
             reader = csv.DictReader(file)
-            if missing := {"kind", "ratio", "labels", "verdict"} - set(reader.fieldnames or ()):
+            if missing := NEEDED - set(reader.fieldnames or ()):
                 raise ValueError(
                     f"{path}: no column {sorted(missing)[0]!r}: name the cases.csv of a proof"
                 )
@@ -47,10 +51,10 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "class right at 3 floors and more, single effect": _flags(large, "first_right"),
         "the same at 1 to 3 floors": _flags(small, "first_right"),
         "class right where it moves a walk by 3 floors and more": _flags(
-            (c for c in single if (walking(c) or 0.0) >= LEFT_3), "first_right"
+            (c for c in single if walking(c) >= LEFT_3), "first_right"
         ),
         "the same by 1 to 3 floors": _flags(
-            (c for c in single if LEFT_1 <= (walking(c) or 0.0) < LEFT_3), "first_right"
+            (c for c in single if LEFT_1 <= walking(c) < LEFT_3), "first_right"
         ),
         "full set right, pairs": _flags(
             (c for c in cases if c["kind"] == "pair"), "full_set_right"
@@ -64,10 +68,9 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
     }
 
 
-def walking(case: Case) -> float | None:
-    """The size while a robot walks, in floors, where a run has measured it."""
-    told = case.get("ratio_walking", "")
-    return float(told) if told else None
+def walking(case: Case) -> float:
+    """The size while a robot walks, in floors; nan where a run has not measured it."""
+    return float(case.get("ratio_walking") or "nan")
 
 
 def held(case: Case) -> Iterator[bool]:
@@ -93,20 +96,22 @@ def _flags(cases: Iterable[Case], column: str) -> Row:
     return share(c[column] == "1" for c in cases)
 
 
-def main(words: Sequence[str], say: Callable[[str], None] = print) -> int:
-    """Print the table of some files; 1 with a line on what is wrong with one."""
-    if not words or words[0] in ("-h", "--help"):
-        say(__doc__ or "")
-        return 0
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def main(
+    tables: Annotated[list[Path], typer.Argument(help="Files cases.csv that proofs have left.")],
+) -> None:
+    """Count several runs of a proof together: rows of a table for a page."""
     try:
-        cases = read_tables(map(Path, words))
+        cases = read_tables(tables)
     except (OSError, ValueError) as error:
-        say(f"error: {error}")
-        return 1
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(1) from None
     for line in page(cases):
-        say(line)
-    return 0
+        typer.echo(line)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    app()

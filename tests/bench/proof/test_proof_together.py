@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from bench.proof.scoring import AT_1, AT_3
 from bench.proof.table import write_table
-from bench.proof.together import held, main, page, read_tables, rows
+from bench.proof.together import NEEDED, app, held, page, read_tables, rows
 from tests.bench.proof.judged_cases import hidden_in, judged, robot_diagnosis, robot_key
 
 FLAGS = ("first_right", "full_set_right", "certain_and_wrong")
@@ -93,8 +94,9 @@ def test_tables_of_a_proof_are_read_together(tmp_path: Path):
     paths = [tmp_path / "one.csv", tmp_path / "two.csv"]
     for path in paths:
         write_table([right], path)
-    lines: list[str] = []
-    assert main([str(path) for path in paths], lines.append) == 0
+    told = CliRunner().invoke(app, [str(path) for path in paths])
+    lines = told.output.splitlines()
+    assert told.exit_code == 0
     assert lines[0] == "| score | value | cases | 95 % |"
     assert lines == list(page(read_tables(paths)))
     assert any(line.startswith("| confidently wrong | 0 | 2 | 0.00 - ") for line in lines)
@@ -102,11 +104,10 @@ def test_tables_of_a_proof_are_read_together(tmp_path: Path):
 
 def test_another_file_is_named_with_what_it_lacks(tmp_path: Path):
     other = tmp_path / "other.csv"
-    other.write_text("kind,ratio\nnull,nan\n", encoding="utf-8")
-    said: list[str] = []
-    assert main([str(other)], said.append) == 1
-    assert said == [f"error: {other}: no column 'labels': name the cases.csv of a proof"]
-    assert main([str(tmp_path / "none.csv")], said.append) == 1
-    assert "none.csv" in said[1]
-    assert main([], said.append) == 0
-    assert "cases.csv" in said[2]
+    other.write_text(f"{','.join(sorted(NEEDED - {'labels'}))}\n", encoding="utf-8")
+    told = CliRunner().invoke(app, [str(other)])
+    assert told.exit_code == 1
+    assert told.output == f"error: {other}: no column 'labels': name the cases.csv of a proof\n"
+    told = CliRunner().invoke(app, [str(tmp_path / "none.csv")])
+    assert told.exit_code == 1
+    assert "none.csv" in told.output
