@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,19 @@ Floats = NDArray[np.float64]
 
 TRIES, CLOSE, FAR = 5, 0.2, 1.5
 DEGREE = math.radians(1.0)
+#: of nuisances that move joints: as believed, and how far off at most; all between is as likely
+TOLERANCES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "link_mass": (1.0, 0.05),
+        "com_m": (0.0, 0.003),
+        "zero_rad": (0.0, DEGREE),
+        "torque_factor": (1.0, 0.10),
+        "friction_factor": (1.0, 0.30),
+        "supply_factor": (1.0, 0.015),
+        "tilt_rad": (0.0, DEGREE),
+    }
+)
+DROOP_1_S = 0.001  #: of the supply's voltage, that it may lose in a second
 VOLTS = 0.5  #: share of walks in which somebody reads voltages
 SENSE = 0.01, 0.005  #: how far off those are, all alike and each by itself; assumed
 
@@ -93,26 +107,32 @@ class LeggedNuisances:
         )
 
 
+def droop_most_v_s(scene: Scene) -> float:
+    """How much of its voltage a battery may lose in a second [V/s]."""
+    return float(scene.robot.document["supply"]["voltage_v"]["value"]) * DROOP_1_S
+
+
 def _nuisances(scene: Scene, random: np.random.Generator, pins: set[str]) -> LeggedNuisances:
     joints = list(scene.robot.by_joint)
 
-    def by_joint(middle: float, spread: float, pinned: bool = False) -> dict[str, float]:
+    def by_joint(name: str, pinned: bool = False) -> dict[str, float]:
+        middle, spread = TOLERANCES[name]
         draws = random.uniform(-spread, spread, len(joints)) * (not pinned)
         return dict(zip(joints, (middle + draws).tolist(), strict=True))
 
     def within(bound: float, pinned: bool = False) -> float:
         return float(random.uniform(-bound, bound)) * (not pinned)
 
-    volts = float(scene.robot.document["supply"]["voltage_v"]["value"])
     com, tilt = "com" in pins, "tilt" in pins
+    far, aside = (TOLERANCES[name][1] for name in ("com_m", "supply_factor"))
     return LeggedNuisances(
-        link_mass=by_joint(1.0, 0.05, "link_mass" in pins),
-        com_m=(within(0.003, com), within(0.003, com), within(0.003, com)),
-        zero_rad=by_joint(0.0, DEGREE),
-        torque_factor=by_joint(1.0, 0.10),
-        friction_factor=by_joint(1.0, 0.30),
-        supply_factor=1.0 + within(0.015, "supply" in pins),
-        droop_v_s=volts * 0.001 * float(random.random()),
+        link_mass=by_joint("link_mass", "link_mass" in pins),
+        com_m=(within(far, com), within(far, com), within(far, com)),
+        zero_rad=by_joint("zero_rad"),
+        torque_factor=by_joint("torque_factor"),
+        friction_factor=by_joint("friction_factor"),
+        supply_factor=1.0 + within(aside, "supply" in pins),
+        droop_v_s=droop_most_v_s(scene) * float(random.random()),
         tilt_rad=(within(DEGREE, tilt), within(DEGREE, tilt)),
         ambient_c=24.0 + within(4.0),
         lost_rate=float(random.uniform(0.0, 0.005)),

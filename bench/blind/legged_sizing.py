@@ -34,7 +34,7 @@ def believed(scene: Scene, plan: Plan | None = None) -> Whole:
     return Whole(scene.robot, body, Electrics())
 
 
-def _sized_on(scene: Scene) -> list[Group]:
+def sized_on(scene: Scene) -> list[Group]:
     """Groups that sizes are measured on; of walks the beginning is enough."""
     some = [group for group in scene.groups if group.name in scene.sized_on]
     return [
@@ -53,7 +53,7 @@ class Track(NamedTuple):
 def tracks(scene: Scene, changed: Mapping[str, Whole]) -> list[Track]:
     """Tracks of the groups that sizes are measured on, of a robot that is given for each group."""
     found = []
-    for group in _sized_on(scene):
+    for group in sized_on(scene):
         whole = changed[group.name]
         played = play(scene, group.plan, whole.body, whole.electrics)
         found.append(Track(played.track_rad, played.stands))
@@ -101,7 +101,7 @@ def legged_ratio(name: str, effect: str, size: float, where: Where) -> float:
 def walking_ratio(name: str, effect: str, size: float, where: Where) -> float:
     """The same while the robot walks: standing up and lying down are left out."""
     walks = (
-        [_walk(track) for track in one] for one in (base(name), _with(name, effect, size, where))
+        [walk(track) for track in one] for one in (base(name), _with(name, effect, size, where))
     )
     return _apart(*walks) / legged_floor(name)
 
@@ -112,16 +112,16 @@ def _with(name: str, effect: str, size: float, where: Where) -> list[Track]:
     scene = SCENES[name]
     changed = {
         g.name: LEGGED[effect].apply(believed(scene, g.plan), size, where)[0]
-        for g in _sized_on(scene)
+        for g in sized_on(scene)
     }
     return tracks(scene, changed)
 
 
-def _walk(track: Track) -> Track:
+def walk(track: Track) -> Track:
     """A track while the robot walks."""
     n = len(track.angle_rad)
-    walk = slice(round(BEGINNING_S / OBSERVE_S), n - round(END_S / OBSERVE_S))
-    return Track(track.angle_rad[walk], track.stands[walk])
+    own = slice(round(BEGINNING_S / OBSERVE_S), n - round(END_S / OBSERVE_S))
+    return Track(track.angle_rad[own], track.stands[own])
 
 
 def standing_share(first: Sequence[Track], second: Sequence[Track]) -> float:
@@ -130,7 +130,7 @@ def standing_share(first: Sequence[Track], second: Sequence[Track]) -> float:
     Legs stand as they do in the first. Standing up and lying down are left out.
     """
     total = standing = 0.0
-    for one, two in zip(map(_walk, first), map(_walk, second), strict=True):
+    for one, two in zip(map(walk, first), map(walk, second), strict=True):
         n = min(len(one.angle_rad), len(two.angle_rad))
         square = (one.angle_rad[:n] - two.angle_rad[:n]) ** 2
         total += float(square.sum())

@@ -56,6 +56,12 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "the same by 1 to 3 floors": _flags(
             (c for c in single if LEFT_1 <= walking(c) < LEFT_3), "first_right"
         ),
+        "class right where tolerances leave 1 floor and more": _flags(
+            (c for c in single if left(c) >= LEFT_1), "first_right"
+        ),
+        "the same where they leave less": _flags(
+            (c for c in single if left(c) < LEFT_1), "first_right"
+        ),
         "full set right, pairs": _flags(
             (c for c in cases if c["kind"] == "pair"), "full_set_right"
         ),
@@ -71,6 +77,11 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
 def walking(case: Case) -> float:
     """The size while a robot walks, in floors; nan where a run has not measured it."""
     return float(case.get("ratio_walking") or "nan")
+
+
+def left(case: Case) -> float:
+    """What tolerances leave of it, in floors; nan where nobody has measured it."""
+    return float(case.get("ratio_left") or "nan")
 
 
 def held(case: Case) -> Iterator[bool]:

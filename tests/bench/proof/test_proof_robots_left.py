@@ -1,0 +1,91 @@
+"""What tolerances leave of effects in robots, written into a proof's table."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from bench.blind.case import Asked
+from bench.blind.legged_case import draw_legged, nuisance_document
+from bench.proof import robots_left
+from bench.proof.robots_left import FILE, app, drawn, fill, wanted
+from bench.proof.table import write_table
+from tests.bench.proof.judged_cases import hidden_in, judged, key, robot_diagnosis, robot_key
+
+ASKED = Asked("null", rig="marvin-walk", disguise=False)
+
+
+def null_key(**more):
+    case = draw_legged(7, ASKED)
+    told = json.loads(json.dumps(nuisance_document(case.nuisances)))
+    asked = json.loads(json.dumps(ASKED.document()))
+    one = {"case": "robot-1", "seed": 7, "asked": asked, "effects": [], "nuisances": told}
+    return one | more
+
+
+def proof(folder: Path) -> Path:
+    weight = hidden_in("payload", ["leg1.femur"], mass_kg=(0.5, 0.0))
+    keys = {
+        "robot-1": robot_key("single", weight),
+        "robot-2": robot_key("pair", weight, weight),
+        "robot-3": robot_key("null"),
+        "case-1": key("single", weight),
+    }
+    (folder / "keys").mkdir()
+    for name, one in keys.items():
+        (folder / "keys" / f"{name}.json").write_text(json.dumps(one), encoding="utf-8")
+    names = ["robot-1", "robot-2", "robot-3"]
+    every = [judged(keys[name], robot_diagnosis(), name) for name in names]
+    write_table(every, folder / "cases.csv")
+    return folder
+
+
+def column(folder: Path) -> list[str]:
+    with (folder / "cases.csv").open(encoding="utf-8") as file:
+        return [line["ratio_left"] for line in csv.DictReader(file)]
+
+
+def test_robots_in_which_something_is_hidden_are_measured(tmp_path: Path) -> None:
+    assert list(wanted(proof(tmp_path))) == ["robot-1", "robot-2"]
+
+
+def test_the_least_of_several_stands_in_the_table(tmp_path: Path) -> None:
+    folder = proof(tmp_path)
+    before = (folder / "cases.csv").read_text("utf-8")
+    fill(folder, {})
+    assert (folder / "cases.csv").read_text("utf-8") == before
+    fill(folder, {"robot-1": [{"ratio": 0.51234}], "robot-2": [{"ratio": 2.0}, {"ratio": 1.0}]})
+    assert column(folder) == ["0.512", "1", ""]
+
+
+def test_what_is_measured_is_kept_and_told(tmp_path: Path) -> None:
+    folder = proof(tmp_path)
+    left = {"robot-1": [{"ratio": 0.5}], "robot-2": [{"ratio": 2.0}, {"ratio": 1.0}]}
+    (folder / FILE).write_text(json.dumps(left), encoding="utf-8")
+    told = CliRunner().invoke(app, [str(folder)])
+    assert told.exit_code == 0
+    assert "robot-1  payload 0.5 of 5 floors\n" in told.output
+    assert column(folder) == ["0.5", "1", ""]
+
+
+def test_a_seed_draws_its_robot_or_the_error_says_so() -> None:
+    assert drawn(null_key()).nuisances == draw_legged(7, ASKED).nuisances
+    with pytest.raises(ValueError, match="robot-1: its seed draws another robot now"):
+        drawn(null_key(seed=8))
+    other = null_key(effects=[{"effect": "payload", "size": 0.5}])
+    with pytest.raises(ValueError, match="another robot"):
+        drawn(other)
+
+
+def test_a_folder_that_was_not_opened_is_refused(tmp_path: Path) -> None:
+    told = CliRunner().invoke(app, [str(tmp_path)])
+    assert told.exit_code == 1
+    assert told.output.startswith(f"error: {tmp_path}: no keys of robots")
+    proof(tmp_path)
+    (tmp_path / "cases.csv").unlink()
+    assert CliRunner().invoke(app, [str(tmp_path)]).exit_code == 1
+    assert not (tmp_path / robots_left.FILE).exists()
