@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -95,6 +96,7 @@ def diagnose(
         fail(f"--budget must be more than 0 seconds, not {budget:g}")
     within("--seed", seed, "", 0, LARGEST_SEED)
     journal = Journal(out / FOLDER)
+    new = not out.exists()
     try:
         described = load_robot(robot)
         with stages() as say:
@@ -118,6 +120,9 @@ def diagnose(
             )
             write_report(out / "report.html", answers.diagnosis, answers.traces, origin)
     except (RobotError, TableError, RecordingError, DiagnosisError, OSError) as error:
+        if new:
+            with suppress(OSError):  # what has something in it stays
+                out.rmdir()
         fail(error)
     except KeyboardInterrupt:
         typer.echo(

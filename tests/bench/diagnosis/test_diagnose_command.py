@@ -150,6 +150,15 @@ def test_unknown_names_are_refused(still, tmp_path):
     moving = written(tmp_path / "moving", swings(speeds=(5.0,)))
     done = busemu("--robot", ROBOT, *out, "--without", "magic", *moving)
     assert "no effect named 'magic'" in done.stderr
+    assert not (tmp_path / "out").exists()
+    mine = tmp_path / "out" / "mine.txt"
+    mine.parent.mkdir()
+    mine.write_text("there before")
+    assert busemu("--robot", ROBOT, *out, "--without", "magic", *moving).returncode == 1
+    assert mine.read_text() == "there before"
+    mine.unlink()
+    busemu("--robot", ROBOT, *out, "--without", "magic", *moving)
+    assert mine.parent.exists()  # made by somebody else
 
 
 def test_holding_everything_out_is_refused(still, tmp_path):
