@@ -18,7 +18,7 @@ GOALS: Mapping[str, tuple[float, float, bool]] = {
 }
 WITHOUT = "the proof was run without --robots"
 #: rows of the joints that no robot's case speaks for: the plan asks for no triple, and what is left
-#: beside tolerances is measured on joints alone
+#: beside tolerances is measured after a robot's score is written (:mod:`bench.proof.robots_left`)
 NOT_OF_ROBOTS = ("full_set_triples", "named_at_3_floor_left", "named_at_1_to_3_floor_left")
 
 
