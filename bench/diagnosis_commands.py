@@ -20,11 +20,11 @@ from .stages import stages
 if TYPE_CHECKING:
     from busemu.tables import Robot
 
-    from .diagnosis.joint import JointFindings
+    from .diagnosis.joint.diagnosis import JointFindings
+    from .diagnosis.joint.search import Progress
     from .diagnosis.journal import Journal
-    from .diagnosis.robot_running import Answers
+    from .diagnosis.robot.running import Answers
     from .diagnosis.running import Split
-    from .diagnosis.search import Progress
     from .diagnosis.watch import Watch
 
 
@@ -152,11 +152,11 @@ def _answers(
     journal: Journal,
 ) -> tuple[Answers, Sequence[JointFindings]]:
     """Diagnose and write all but the report: a robot on legs as a whole, others joint by joint."""
+    from .diagnosis.joint.together import together
     from .diagnosis.report import traces_of
-    from .diagnosis.robot_running import Answers, run_robot, walks
+    from .diagnosis.robot.running import Answers, run_robot, walks
     from .diagnosis.running import diagnose as run
     from .diagnosis.running import write
-    from .diagnosis.together import together
 
     if walks(robot):
         answers = run_robot(
@@ -174,7 +174,7 @@ def _answers(
 
 def _tell_joints(findings: Sequence[JointFindings]) -> None:
     """A line for each joint of an arm, the one that is left worst first."""
-    from .diagnosis.together import joint_of
+    from .diagnosis.joint.together import joint_of
 
     for found in sorted(findings, key=lambda f: -f.diagnosis.fit.after):
         diagnosis = found.diagnosis

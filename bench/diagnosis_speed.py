@@ -29,7 +29,7 @@ from busemu.tables import Robot, load_robot
 
 from .blind.rigs import RIGS
 from .blind.scenes import SCENES
-from .diagnosis.robot_running import walks
+from .diagnosis.robot.running import walks
 from .figures.tables import aligned
 from .proof.diagnosing import joint_names, robot_names
 from .proof.staging import stage

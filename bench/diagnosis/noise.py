@@ -53,7 +53,7 @@ class Block:
 
     ``extra`` is a known additional white variance of each sample: what an uncertain instant does to
     a moving joint. ``sways`` (n, k) is what happens to the whole recording as nobody knows how much
-    of it did: each column times a number of deviation 1 (:mod:`bench.diagnosis.sways`).
+    of it did: each column times a number of deviation 1 (:mod:`bench.diagnosis.joint.sways`).
     """
 
     t_s: Floats

@@ -16,14 +16,14 @@ from bench.recording import Recording
 from busemu.tables import Robot
 from sim.model import read_model
 
-from .beginning import begun
-from .gear import with_spring
-from .left import runs_away
-from .model import Hypothesis, JointModel, Kind
+from .joint.beginning import begun
+from .joint.gear import with_spring
+from .joint.left import runs_away
+from .joint.model import Hypothesis, JointModel, Kind
 from .observed import held_at, observe, stuck
-from .robot_judging import Reading
-from .robot_replay import course, loaded, play
-from .robot_running import walks
+from .robot.judging import Reading
+from .robot.replay import course, loaded, play
+from .robot.running import walks
 from .sense import DiagnosisError
 
 Floats = NDArray[np.float64]

@@ -15,16 +15,16 @@ from busemu.tables import Robot
 from sim.effects import Effect
 from sim.model import read_model
 
-from .fit import fit
-from .improved import write_improved
-from .joint import JointFindings, diagnose_joint
+from .joint.diagnosis import JointFindings, diagnose_joint
+from .joint.fit import fit
+from .joint.improved import write_improved
+from .joint.model import Hypothesis, JointModel, Kind
+from .joint.search import Progress
+from .joint.together import together
 from .journal import Journal
 from .knobs import SEEN, joint_effects
-from .model import Hypothesis, JointModel, Kind
 from .observed import Observed, left_out, observe, stuck
-from .search import Progress
 from .sense import DiagnosisError
-from .together import together
 from .watch import Watch
 
 HELD_OUT_OF = 4  #: one group of so many judges, when nobody says which

@@ -13,7 +13,7 @@ from bench.recording.oddities import Weight, oddities
 from busemu.tables import Robot
 from busemu.wording import amount
 
-from .search import Progress
+from .joint.search import Progress
 
 STUCK = "stuck"  #: an oddity of one joint only: the others may be diagnosed
 #: oddities that a reader of a diagnosis has to know of

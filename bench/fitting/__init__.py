@@ -5,7 +5,7 @@ M1 (dry and viscous friction) or M3 (and friction that grows with load) of Duclu
 common with the drive of :mod:`sim.drive.kernel`. The ways:
 
 * **ours**: compiled batches of rollouts, Levenberg and Marquardt's way with long differences
-  (:mod:`bench.diagnosis.fit`);
+  (:mod:`bench.diagnosis.joint.fit`);
 * **bam's** (https://github.com/Rhoban/bam, on PyPI as better-actuator-models 1.0.2, Apache-2.0:
   ``bam/fit.py``, ``simulate.py``, ``process.py``, ``logs.py``, ``model.py``): CMA-ES over the whole
   box, one candidate after another, on the mean absolute error of positions; each candidate is

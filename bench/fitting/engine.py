@@ -16,7 +16,7 @@ import numpy as np
 from mujoco import minimize, rollout
 from numpy.typing import NDArray
 
-from bench.diagnosis.model import Hypothesis
+from bench.diagnosis.joint.model import Hypothesis
 from bench.diagnosis.observed import Observed
 from sim.drive import fields
 from sim.stepped import TICK_S

@@ -12,8 +12,8 @@ import cma
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.diagnosis.fit import fit, least_squares
-from bench.diagnosis.model import Hypothesis, Kind
+from bench.diagnosis.joint.fit import fit, least_squares
+from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.noise import Noise
 
 from .problem import Ledger, OutOfTimeError, Problem, Reached, SameModel, mae_rmse, unseen

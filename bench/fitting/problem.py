@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.diagnosis.joint.model import Blocks, Hypothesis, JointModel, Kind
 from bench.diagnosis.knobs import Knob
-from bench.diagnosis.model import Blocks, Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import Channel, Observed, Samples, observe
 from bench.importers import open_recordings
 from bench.importers.bam_loop import TRAJECTORIES

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.diagnosis.model import Hypothesis
+from bench.diagnosis.joint.model import Hypothesis
 
 from .problem import Plain, SameModel, together
 

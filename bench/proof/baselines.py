@@ -16,8 +16,8 @@ import cma
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.diagnosis.joint.model import Hypothesis, JointModel
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
 from bench.diagnosis.running import without_effects
 from bench.files import write_json

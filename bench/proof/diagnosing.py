@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from bench.diagnosis.joint.next_experiment import menu
 from bench.diagnosis.knobs import SEEN, joint_effects
-from bench.diagnosis.next_experiment import menu
 from bench.diagnosis.report.traces import Trace, traces_of, worst
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_running import run_robot, walks
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.running import run_robot, walks
 from bench.diagnosis.running import Split, diagnose, group_of, write
 from bench.diagnosis.watch import Watch
 from bench.files import write_json

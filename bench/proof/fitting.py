@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.diagnosis.joint.model import Blocks, Hypothesis, JointModel, Kind
 from bench.diagnosis.knobs import Knob
-from bench.diagnosis.model import Blocks, Hypothesis, JointModel, Kind
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bench.blind.rigs import RIGS
-from bench.diagnosis.search import NEEDED
+from bench.diagnosis.joint.search import NEEDED
 
 from .judging import RIGHT, Judged, judge
 from .scoring import AT_1, share

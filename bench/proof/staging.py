@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from bench.diagnosis.robot_running import walks
+from bench.diagnosis.robot.running import walks
 from bench.recording import read
 from busemu.tables import load_robot
 

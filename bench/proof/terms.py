@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.diagnosis.model import Blocks, JointModel
+from bench.diagnosis.joint.model import Blocks, JointModel
 
 Floats = NDArray[np.float64]
 

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from bench.blind.drives import Electrics
 from bench.blind.legged import Body
 from bench.blind.scenes import SCENES, play
-from bench.diagnosis.robot_features import Features
-from bench.diagnosis.robot_replay import course
-from bench.diagnosis.robot_replay import play as replay
+from bench.diagnosis.robot.features import Features
+from bench.diagnosis.robot.replay import course
+from bench.diagnosis.robot.replay import play as replay
 from bench.figures.gait import LEGS
 from bench.figures.style import GOAL, MEASURED, MODELLED, STANCE, START, save, styled
 from bench.files import finite, write_json

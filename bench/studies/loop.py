@@ -21,11 +21,11 @@ import numpy as np
 from bench.blind.legged_sizing import passing
 from bench.blind.scenes import SCENES, play
 from bench.diagnosis.journal import FOLDER, Journal
-from bench.diagnosis.robot_features import Features
-from bench.diagnosis.robot_judging import Judgement, rmse_rad, steady_rmse_rad
-from bench.diagnosis.robot_picture import phase_figure
-from bench.diagnosis.robot_replay import course
-from bench.diagnosis.robot_running import run_robot
+from bench.diagnosis.robot.features import Features
+from bench.diagnosis.robot.judging import Judgement, rmse_rad, steady_rmse_rad
+from bench.diagnosis.robot.picture import phase_figure
+from bench.diagnosis.robot.replay import course
+from bench.diagnosis.robot.running import run_robot
 from bench.diagnosis.running import Split
 from bench.diagnosis.watch import Say, Watch
 from bench.figures.style import save

@@ -20,7 +20,7 @@ from typing import Any
 
 from bench.diagnosis.journal import FOLDER, Journal
 from bench.diagnosis.report import Origin, write_report
-from bench.diagnosis.robot_running import run_robot
+from bench.diagnosis.robot.running import run_robot
 from bench.diagnosis.running import Split
 from bench.diagnosis.watch import Watch
 from bench.figures.style import save

@@ -11,8 +11,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from bench.diagnosis.joint.search import HELD_OUT, NEEDED
 from bench.diagnosis.result import Cause, Diagnosis
-from bench.diagnosis.search import HELD_OUT, NEEDED
 
 from ...files import write_text
 from ...pages import template

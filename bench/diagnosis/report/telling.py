@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from bench.diagnosis.regimes import EVERYWHERE
+from bench.diagnosis.joint.regimes import EVERYWHERE
 from bench.diagnosis.result import Cause, Diagnosis, Estimate
 
 from .words import (

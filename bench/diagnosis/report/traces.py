@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.diagnosis.joint import JointFindings
-from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.regimes import regimes, top_speed
+from bench.diagnosis.joint.diagnosis import JointFindings
+from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.regimes import regimes, top_speed
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from bench.diagnosis.model import Hypothesis, JointModel
+from bench.diagnosis.joint.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
 from bench.recording import Recording
 from busemu.tables import load_robot

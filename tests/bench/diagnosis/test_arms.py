@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.joint import JointFindings
+from bench.diagnosis.joint.diagnosis import JointFindings
+from bench.diagnosis.joint.model import Hypothesis, JointModel
+from bench.diagnosis.joint.together import together
 from bench.diagnosis.knobs import effect_knobs, joint_effects
-from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
 from bench.diagnosis.posture import arm_load, recorded_posture
 from bench.diagnosis.running import DiagnosisError, Split, diagnose, write
-from bench.diagnosis.together import together
 from bench.recording import Recording, RecordingError
 from busemu.tables import load_robot
 from sim.effects import effect

@@ -8,9 +8,9 @@ from programs import busemu
 from walking_robots import believed, marvin
 
 from bench.diagnosis.result import Estimate
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_gains import NEEDED
-from bench.diagnosis.robot_improved import of_causes, write_model
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.gains import NEEDED
+from bench.diagnosis.robot.improved import of_causes, write_model
 from bench.recording import write
 from bench.running import Steering, in_process, walk_in
 from busemu.tables import load_robot

@@ -7,9 +7,9 @@ import pendulum_logs
 import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, logs, recorded, robot
 
-from bench.diagnosis.beginning import begun
+from bench.diagnosis.joint.beginning import begun
+from bench.diagnosis.joint.model import Hypothesis, JointModel
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, JointModel
 from bench.diagnosis.observed import observe
 from sim.effects import effect
 from sim.model import read_model
@@ -52,7 +52,7 @@ def test_what_dense_samples_tell_of_the_first_speed_is_believed(monkeypatch):
 
 
 def test_a_joint_that_rests_is_not_asked_about(monkeypatch):
-    monkeypatch.setattr("bench.diagnosis.beginning.JointModel", None)
+    monkeypatch.setattr("bench.diagnosis.joint.beginning.JointModel", None)
     (observed,) = observe(logs(motions=["slow"]), robot(), JOINT)
     (found,) = begun(read_model(robot()), robot(), [observed])
     assert found.replay.rests

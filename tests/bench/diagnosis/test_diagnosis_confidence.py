@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench.diagnosis.confidence import (
+from bench.diagnosis.joint.confidence import (
     BLIND,
     NORMAL,
     STRETCH_S,
@@ -14,9 +14,9 @@ from bench.diagnosis.confidence import (
     state,
     stretches,
 )
+from bench.diagnosis.joint.rivals import NONE_FAINT, NONE_LEAST, chances
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.result import LEAST_PART, Cause, Rival, beside_rest, verdict_of
-from bench.diagnosis.rivals import NONE_FAINT, NONE_LEAST, chances
 from sim.effects import effect
 
 (KNOB,) = effect_knobs(effect("viscous_friction"))

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, JOINT, POSITION, VOLTS, logs, model_of, robot
 
-from bench.diagnosis import contradiction
 from bench.diagnosis.commands import supply_events, without_supply
-from bench.diagnosis.contradiction import AT_FIRST, named_source, supply_contradiction
-from bench.diagnosis.fit import fit
+from bench.diagnosis.joint import contradiction
+from bench.diagnosis.joint.contradiction import AT_FIRST, named_source, supply_contradiction
+from bench.diagnosis.joint.fit import fit
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.search import Gain
+from bench.diagnosis.joint.veto import objection
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.observed import Channel, observe
-from bench.diagnosis.search import Gain
-from bench.diagnosis.veto import objection
 from sim.effects import effect
 from sim.model import read_model
 

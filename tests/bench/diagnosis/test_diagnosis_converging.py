@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
-from bench.diagnosis import fit as fitting
-from bench.diagnosis.fit import NUISANCE_LONG, NUISANCE_RANGE, Around, fit
-from bench.diagnosis.model import Hypothesis
+from bench.diagnosis.joint import fit as fitting
+from bench.diagnosis.joint.fit import NUISANCE_LONG, NUISANCE_RANGE, Around, fit
+from bench.diagnosis.joint.model import Hypothesis
 
 ALONE = Hypothesis()
 TRUTH = {

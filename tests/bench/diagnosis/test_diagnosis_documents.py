@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, access, logs, model_of, robot
 
-from bench.diagnosis.fit import Fit, block_rms, estimate_noise, fit
-from bench.diagnosis.gear import with_spring
-from bench.diagnosis.improved import carried, write_improved
-from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.joint.diagnosis import diagnose_joint
+from bench.diagnosis.joint.fit import Fit, block_rms, estimate_noise, fit
+from bench.diagnosis.joint.gear import with_spring
+from bench.diagnosis.joint.improved import carried, write_improved
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.next_experiment import GAINS, menu, next_experiments
+from bench.diagnosis.joint.nuisances import FARTHEST, NUISANCES, PUNCH
 from bench.diagnosis.knobs import effect_knobs, joint_effects
-from bench.diagnosis.model import Hypothesis, JointModel, Kind
-from bench.diagnosis.next_experiment import GAINS, menu, next_experiments
-from bench.diagnosis.nuisances import FARTHEST, NUISANCES, PUNCH
 from bench.diagnosis.observed import observe
 from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES, Cause, Estimate
 from bench.diagnosis.running import diagnose, misfits, split, write
@@ -305,7 +305,7 @@ def test_what_foretells_best_has_the_spring_that_the_emulator_has(half, monkeypa
     sprung = with_spring(model)
     assert sprung is not model
     least = carried(found, {})
-    monkeypatch.setattr("bench.diagnosis.improved.with_spring", lambda rigid: rigid)
+    monkeypatch.setattr("bench.diagnosis.joint.improved.with_spring", lambda rigid: rigid)
     left = [residual(sprung, after.hypothesis, z) for z in (least, carried(found, {}))]
     assert left[0] < left[1]
 
@@ -325,9 +325,11 @@ def test_what_foretells_best_comes_of_several_beginnings(half, monkeypatch):
         return np.array(found)
 
     several = left()
-    monkeypatch.setattr("bench.diagnosis.improved.BEGINNINGS", 0)
+    monkeypatch.setattr("bench.diagnosis.joint.improved.BEGINNINGS", 0)
     assert (several <= left()).all()
-    monkeypatch.setattr("bench.diagnosis.improved._left", lambda *_: 0.0)  # the first, whatever
+    monkeypatch.setattr(
+        "bench.diagnosis.joint.improved._left", lambda *_: 0.0
+    )  # the first, whatever
     assert (several < left()).any()
 
 
@@ -345,7 +347,7 @@ def test_a_number_that_recordings_cannot_show_is_not_in_the_better_model(
     cause = Cause("com_offset", (JOINT,), numbers, 9.0, 0.5, 0.9, ())
     diagnosis = SimpleNamespace(causes=(cause,), verdict="explained")
     found = SimpleNamespace(model=model, after=after, diagnosis=diagnosis)
-    monkeypatch.setattr("bench.diagnosis.improved.carried", lambda *_: moved)
+    monkeypatch.setattr("bench.diagnosis.joint.improved.carried", lambda *_: moved)
     better, _ = loaded([found], tmp_path / "model.toml")
     (told,) = [e for e in better.document["effect"] if e["name"] == "com_offset"]
     assert ("y_m" in told["parameters"]) is (state != "dead")

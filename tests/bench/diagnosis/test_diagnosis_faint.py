@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
-from bench.diagnosis.faint import (
+from bench.diagnosis.joint.faint import (
     ONCE,
     READ,
     SHARE,
@@ -18,10 +18,10 @@ from bench.diagnosis.faint import (
     strained,
     within_ticks,
 )
-from bench.diagnosis.fit import Fit
-from bench.diagnosis.floor import engines_rad
+from bench.diagnosis.joint.fit import Fit
+from bench.diagnosis.joint.floor import engines_rad
+from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.noise import Noise
 from sim.effects import effect
 
@@ -62,11 +62,12 @@ def test_a_name_that_is_sure_may_leave_a_small_trace(share, there, nats, named, 
     falls = np.array([SURE_ONCE, SURE_SHARED * 3.0 - SURE_ONCE, 0.0]) * share * engines
     squares = {"without": 3e-6 + falls, "with": 3e-6 + 0.0 * falls}
     monkeypatch.setattr(
-        "bench.diagnosis.faint.group_squares", lambda _, found: {Kind.POSITION: squares[found]}
+        "bench.diagnosis.joint.faint.group_squares",
+        lambda _, found: {Kind.POSITION: squares[found]},
     )
-    monkeypatch.setattr("bench.diagnosis.faint.within_ticks", lambda *_: False)
-    monkeypatch.setattr("bench.diagnosis.faint.strained", lambda *_: False)
-    monkeypatch.setattr("bench.diagnosis.faint.contradicted", lambda *_: False)
+    monkeypatch.setattr("bench.diagnosis.joint.faint.within_ticks", lambda *_: False)
+    monkeypatch.setattr("bench.diagnosis.joint.faint.strained", lambda *_: False)
+    monkeypatch.setattr("bench.diagnosis.joint.faint.contradicted", lambda *_: False)
     assert changes_little([model], "without", "with", "punch", nats) is not (named and there)
 
 
@@ -98,7 +99,7 @@ def test_what_takes_a_strain_off_tolerances_is_no_faint_name(monkeypatch):
     named, named_far = (Fit(Hypothesis(knobs), np.append(z, 0.0), noise, 0.0) for z in (usual, far))
     assert strained(model, stretched)
     assert not strained(model, eased)
-    monkeypatch.setattr("bench.diagnosis.faint.hardly_better", lambda *_, sure: True)
+    monkeypatch.setattr("bench.diagnosis.joint.faint.hardly_better", lambda *_, sure: True)
     assert not changes_little([model], stretched, named, "gain_error")
     assert changes_little([model], eased, named, "gain_error")
     assert changes_little([model], stretched, named_far, "gain_error")
@@ -111,6 +112,7 @@ def test_what_the_motion_is_farther_off_with_is_no_name(share, denied, monkeypat
     worse = share * SHARED * engines_rad(model) ** 2
     squares = {"without": [3e-6, 3e-6], "with": [3e-6, 3e-6 + 2.0 * worse]}
     monkeypatch.setattr(
-        "bench.diagnosis.faint.group_squares", lambda _, found: {Kind.POSITION: squares[found]}
+        "bench.diagnosis.joint.faint.group_squares",
+        lambda _, found: {Kind.POSITION: squares[found]},
     )
     assert contradicted([model], "without", "with") is denied

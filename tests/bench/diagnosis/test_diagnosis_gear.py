@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, logs, model_of, robot
 
-from bench.diagnosis import joint, views
-from bench.diagnosis.fit import bounds, fit
-from bench.diagnosis.gear import SpringError, asked_again, believed
+from bench.diagnosis.joint import diagnosis as joint
+from bench.diagnosis.joint import views
+from bench.diagnosis.joint.fit import bounds, fit
+from bench.diagnosis.joint.gear import SpringError, asked_again, believed
+from bench.diagnosis.joint.model import Hypothesis, JointModel
+from bench.diagnosis.joint.nuisances import GEAR_LEVELS
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, JointModel
-from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.observed import observe
 from sim.effects import effect
 from sim.model import read_model

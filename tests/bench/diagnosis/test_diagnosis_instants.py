@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from pendulum_logs import JOINT, MOTIONS, logs, robot
 
-from bench.diagnosis.fit import fit
-from bench.diagnosis.instants import FEWEST, lattice, located
-from bench.diagnosis.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.fit import fit
+from bench.diagnosis.joint.instants import FEWEST, lattice, located
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.search import confirm
 from bench.diagnosis.observed import Channel, observe
-from bench.diagnosis.search import confirm
 from sim.effects import effect
 from sim.model import read_model
 

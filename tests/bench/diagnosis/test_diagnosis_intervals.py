@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from pendulum_logs import POSITION, logs, model_of, robot
 
-from bench.diagnosis import intervals, settling, valleys
-from bench.diagnosis.confidence import NORMAL
-from bench.diagnosis.fit import Fit, fit
-from bench.diagnosis.intervals import FALL, REACH, Spread, _inverse, estimates, interval
-from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
-from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.nuisances import LATE_S
-from bench.diagnosis.observed import Channel
-from bench.diagnosis.search import HELD_OUT, NEEDED, Gain, Outside
-from bench.diagnosis.settling import (
+from bench.diagnosis.joint import intervals, settling, valleys
+from bench.diagnosis.joint.confidence import NORMAL
+from bench.diagnosis.joint.fit import Fit, fit
+from bench.diagnosis.joint.intervals import FALL, REACH, Spread, _inverse, estimates, interval
+from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.nuisances import LATE_S
+from bench.diagnosis.joint.search import HELD_OUT, NEEDED, Gain, Outside
+from bench.diagnosis.joint.settling import (
     ALONE,
     BESIDE,
     BETTER,
@@ -30,8 +28,10 @@ from bench.diagnosis.settling import (
     _unsure,
     explained,
 )
-from bench.diagnosis.valleys import DEEPER, STRAYED, afresh, elsewhere, explore, strayed
-from bench.diagnosis.veto import as_plainer, largest_step, objection
+from bench.diagnosis.joint.valleys import DEEPER, STRAYED, afresh, elsewhere, explore, strayed
+from bench.diagnosis.joint.veto import as_plainer, largest_step, objection
+from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
+from bench.diagnosis.observed import Channel
 from sim.effects import effect
 from sim.model import read_model
 from sim.stepped import TICK_S
@@ -408,7 +408,7 @@ def test_the_last_name_that_is_left_must_gain_on_recordings_left_out_as_well(nat
 def test_an_interval_that_holds_nothing_is_no_name_however_much_is_gained(
     ratio, nothing, monkeypatch
 ):
-    monkeypatch.setattr("bench.diagnosis.settling.SURE", 0.0)
+    monkeypatch.setattr("bench.diagnosis.joint.settling.SURE", 0.0)
     model, found = fitted("load_friction", {"ratio": ratio}, [0.05])
     parts = _parts(model, found, [gain_of("load_friction", found)], print)
     denied = _unsure(model, found, parts, {})
@@ -421,7 +421,7 @@ def test_an_interval_that_holds_nothing_is_no_name_however_much_is_gained(
     [(0.3, SPOILT, False), (0.0, SPOILT, True), (0.0, 4.0, False)],
 )
 def test_a_name_that_spoils_other_recordings_is_taken_back(there, spoilt, harmful, monkeypatch):
-    monkeypatch.setattr("bench.diagnosis.settling.SPOILT", spoilt)
+    monkeypatch.setattr("bench.diagnosis.joint.settling.SPOILT", spoilt)
     model, found = fitted("load_friction", {"ratio": 0.3}, [3.0])
     judge = model_of(logs({"load_friction": {"ratio": there}}))
     floors = {Kind.POSITION: 0.002}

@@ -7,12 +7,13 @@ import pyarrow as pa
 import pytest
 from pendulum_logs import JOINT, MOTIONS, POSITION, logs, robot
 
-from bench.diagnosis import joint, views
-from bench.diagnosis.joint import diagnose_joint
-from bench.diagnosis.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint import diagnosis as joint
+from bench.diagnosis.joint import views
+from bench.diagnosis.joint.diagnosis import diagnose_joint
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.settling import settle
 from bench.diagnosis.observed import Channel, observe
 from bench.diagnosis.result import Rival
-from bench.diagnosis.settling import settle
 from sim.effects import effect
 from sim.model import read_model
 

@@ -8,14 +8,14 @@ import pytest
 from pendulum_logs import logs, robot
 
 from bench.diagnosis import journal
-from bench.diagnosis.fit import fit
-from bench.diagnosis.growing import grow
+from bench.diagnosis.joint.fit import fit
+from bench.diagnosis.joint.growing import grow
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.screening import screen
 from bench.diagnosis.journal import Journal, digest
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.noise import Noise
 from bench.diagnosis.observed import observe
-from bench.diagnosis.screening import screen
 from bench.diagnosis.watch import OutOfTimeError, Watch
 from sim.effects import effect
 from sim.model import read_model
@@ -116,7 +116,7 @@ def test_other_code_takes_other_steps(model, monkeypatch):
     monkeypatch.setattr(journal, "CODE", ("bench/diagnosis",))
     code = journal.code.__wrapped__()
     assert code != before[1]
-    monkeypatch.setattr("bench.diagnosis.model.code", lambda: code)
+    monkeypatch.setattr("bench.diagnosis.joint.model.code", lambda: code)
     assert JointModel(model.base, model.robot, model.observed).key != before[0]
 
 

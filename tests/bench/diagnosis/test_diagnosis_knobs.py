@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, model_of, robot
 
-from bench.diagnosis.fit import bounds
+from bench.diagnosis.joint.fit import bounds
+from bench.diagnosis.joint.model import Hypothesis, JointModel
+from bench.diagnosis.joint.nuisances import CENTRE_M, MASS, NUISANCES, WITHIN, nuisances
 from bench.diagnosis.knobs import (
     AMOUNTS,
     TWINS,
@@ -16,8 +18,6 @@ from bench.diagnosis.knobs import (
     of_drive,
     with_effects,
 )
-from bench.diagnosis.model import Hypothesis, JointModel
-from bench.diagnosis.nuisances import CENTRE_M, MASS, NUISANCES, WITHIN, nuisances
 from sim.drive import fields
 from sim.effects import catalogue, effect
 from sim.entries import Section

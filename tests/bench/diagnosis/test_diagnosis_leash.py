@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, logs, model_of, robot
 
-from bench.diagnosis.fit import block_rms, fit
-from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.joint.diagnosis import diagnose_joint
+from bench.diagnosis.joint.fit import block_rms, fit
+from bench.diagnosis.joint.leash import LEASH_RAD_S, path
+from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.views import Views
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.leash import LEASH_RAD_S, path
-from bench.diagnosis.model import Hypothesis, Kind
 from bench.diagnosis.observed import Channel, observe
-from bench.diagnosis.views import Views
 from bench.diagnosis.watch import Watch
 from sim.effects import effect
 from sim.model import read_model

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, POSITION, logs, model_of
 
-from bench.diagnosis.fit import bounds, fit
-from bench.diagnosis.intervals import Spread
+from bench.diagnosis.joint.fit import bounds, fit
+from bench.diagnosis.joint.intervals import Spread
+from bench.diagnosis.joint.limp import LASTING, LETS_GO, breaks_s, overloads, silences
+from bench.diagnosis.joint.model import Hypothesis
+from bench.diagnosis.joint.screening import screen, vectors_to_try
+from bench.diagnosis.joint.search import confirm
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.limp import LASTING, LETS_GO, breaks_s, overloads, silences
-from bench.diagnosis.model import Hypothesis
 from bench.diagnosis.noise import Block
-from bench.diagnosis.screening import screen, vectors_to_try
-from bench.diagnosis.search import confirm
 from sim.effects import effect
 
 TRUTH = {"duty": 0.2, "time_s": 0.3}

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.lost import lost_samples
+from bench.diagnosis.joint.lost import lost_samples
 from bench.diagnosis.observed import lonely, sound
 from bench.diagnosis.smooth import smooth
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pendulum_logs import CONDITION, DUTY, JOINT, PACE_S, POSITION, VOLTS, logs, model_of, robot
 
-import bench.diagnosis.fit as fit_module
-from bench.diagnosis.fit import (
+import bench.diagnosis.joint.fit as fit_module
+from bench.diagnosis.joint.fit import (
     DAMPINGS,
     block_costs,
     block_rms,
@@ -21,15 +21,15 @@ from bench.diagnosis.fit import (
     score,
     steps,
 )
-from bench.diagnosis.intervals import covariances, estimates
+from bench.diagnosis.joint.intervals import covariances, estimates
+from bench.diagnosis.joint.left import INSTANT_S, WILD, Left, averaged
+from bench.diagnosis.joint.model import LATEST, Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.nuisances import GEAR_LEVELS
+from bench.diagnosis.joint.search import NEEDED, confirm
+from bench.diagnosis.joint.sways import FRICTION, SUPPLY
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.left import INSTANT_S, WILD, Left, averaged
-from bench.diagnosis.model import LATEST, Hypothesis, JointModel, Kind
 from bench.diagnosis.noise import cost
-from bench.diagnosis.nuisances import GEAR_LEVELS
 from bench.diagnosis.observed import observe
-from bench.diagnosis.search import NEEDED, confirm
-from bench.diagnosis.sways import FRICTION, SUPPLY
 from sim.drive import fields, lanes
 from sim.effects import effect
 from sim.model import read_model

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.diagnosis.fit import ENOUGH
+from bench.diagnosis.joint.fit import ENOUGH
 from bench.diagnosis.noise import (
     CLIP,
     LONGEST_MEMORY_S,

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from pendulum_logs import POSITION, logs, model_of
 
-from bench.diagnosis import settling
-from bench.diagnosis.fit import fit
-from bench.diagnosis.floor import noise_floor, tolerance
-from bench.diagnosis.growing import grow, paired
-from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.screening import screen
-from bench.diagnosis.search import confirm
+from bench.diagnosis.joint import settling
+from bench.diagnosis.joint.fit import fit
+from bench.diagnosis.joint.floor import noise_floor, tolerance
+from bench.diagnosis.joint.growing import grow, paired
+from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.screening import screen
+from bench.diagnosis.joint.search import confirm
 from bench.diagnosis.watch import OutOfTimeError, Watch
 from sim.effects import effect
 

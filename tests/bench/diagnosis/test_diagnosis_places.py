@@ -4,16 +4,23 @@ import numpy as np
 import pytest
 from pendulum_logs import JOINT, MOTIONS, logs, model_of, robot
 
-from bench.diagnosis.floor import ENGINE_RAD, noise_floor, tolerance
-from bench.diagnosis.joint import SIGNIFICANT, diagnose_joint
-from bench.diagnosis.joint import _unexplained as left
-from bench.diagnosis.model import Kind
+from bench.diagnosis.joint.diagnosis import SIGNIFICANT, diagnose_joint
+from bench.diagnosis.joint.diagnosis import _unexplained as left
+from bench.diagnosis.joint.floor import ENGINE_RAD, noise_floor, tolerance
+from bench.diagnosis.joint.model import Kind
+from bench.diagnosis.joint.regimes import (
+    EVERYWHERE,
+    STRETCH_S,
+    localise,
+    regimes,
+    shares,
+    top_speed,
+)
+from bench.diagnosis.joint.remainder import remainder
+from bench.diagnosis.joint.rest import MISFIT, Rest, is_structured, is_worse
 from bench.diagnosis.noise import Block
 from bench.diagnosis.observed import observe
-from bench.diagnosis.regimes import EVERYWHERE, STRETCH_S, localise, regimes, shares, top_speed
-from bench.diagnosis.remainder import remainder
 from bench.diagnosis.report.telling import remains
-from bench.diagnosis.rest import MISFIT, Rest, is_structured, is_worse
 from sim.effects import effect
 from sim.model import read_model
 
@@ -173,7 +180,7 @@ def test_names_that_leave_more_than_none_and_more_than_noise_make_it_worse(befor
 
 @pytest.mark.parametrize(("worse", "verdict"), [(True, "partly_explained"), (False, "explained")])
 def test_what_names_make_worse_is_not_explained(monkeypatch, worse, verdict):
-    monkeypatch.setattr("bench.diagnosis.joint.is_worse", lambda *_: worse)
+    monkeypatch.setattr("bench.diagnosis.joint.diagnosis.is_worse", lambda *_: worse)
     stiff = {"gain_error": {"scale": 1.4}}
     fitted, judged = (
         observe(logs(stiff, motions=some), robot(), JOINT) for some in (["fast", "steps"], ["slow"])

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bench.diagnosis.joint.play import LEAST, play, play_cause
 from bench.diagnosis.observed import observe
-from bench.diagnosis.play import LEAST, play, play_cause
 from bench.recording import Recording
 from busemu.tables import load_robot
 

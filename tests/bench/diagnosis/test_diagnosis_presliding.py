@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from pendulum_logs import JOINT, POSITION, logs, robot
 
-from bench.diagnosis import joint
-from bench.diagnosis.fit import Fit, bounds, fit
-from bench.diagnosis.improved import additions
-from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.joint import diagnosis as joint
+from bench.diagnosis.joint.diagnosis import diagnose_joint
+from bench.diagnosis.joint.fit import Fit, bounds, fit
+from bench.diagnosis.joint.improved import additions
+from bench.diagnosis.joint.model import Hypothesis, JointModel
+from bench.diagnosis.joint.nuisances import PRESLIDING
+from bench.diagnosis.joint.screening import vectors_to_try
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, JointModel
-from bench.diagnosis.nuisances import PRESLIDING
 from bench.diagnosis.observed import observe
-from bench.diagnosis.screening import vectors_to_try
 from sim.effects import effect
 from sim.model import read_model
 

@@ -8,14 +8,14 @@ import pytest
 import tomli_w
 from pendulum_logs import JOINT, POSITION, logs, robot
 
-from bench.diagnosis.fit import Fit, bounds
-from bench.diagnosis.improved import additions
-from bench.diagnosis.joint import diagnose_joint
+from bench.diagnosis.joint.diagnosis import diagnose_joint
+from bench.diagnosis.joint.fit import Fit, bounds
+from bench.diagnosis.joint.improved import additions
+from bench.diagnosis.joint.model import Hypothesis, JointModel
+from bench.diagnosis.joint.nuisances import PUNCH, nuisances
+from bench.diagnosis.joint.screening import vectors_to_try
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.model import Hypothesis, JointModel
-from bench.diagnosis.nuisances import PUNCH, nuisances
 from bench.diagnosis.observed import observe
-from bench.diagnosis.screening import vectors_to_try
 from busemu.tables import load_robot
 from sim.effects import effect
 from sim.entries import Section

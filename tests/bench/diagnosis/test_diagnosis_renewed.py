@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bench.diagnosis.joint.renewed import load_refresh
 from bench.diagnosis.observed import Channel
 from bench.diagnosis.periods import LEAST
-from bench.diagnosis.renewed import load_refresh
 
 READ_S = 0.01
 

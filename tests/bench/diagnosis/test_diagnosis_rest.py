@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from pendulum_logs import JOINT, logs, model_of, robot
 
-from bench.diagnosis.fit import Fit, estimate_noise
-from bench.diagnosis.floor import REPEATS, SOUND_RAD, engines_rad, held_band_rad, noise_floor
-from bench.diagnosis.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.fit import Fit, estimate_noise
+from bench.diagnosis.joint.floor import REPEATS, SOUND_RAD, engines_rad, held_band_rad, noise_floor
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.remainder import Remainder
+from bench.diagnosis.joint.rest import Rest, is_structured, rest_of
 from bench.diagnosis.observed import observe
-from bench.diagnosis.remainder import Remainder
-from bench.diagnosis.rest import Rest, is_structured, rest_of
 from sim.drive import fields
 from sim.model import read_model
 

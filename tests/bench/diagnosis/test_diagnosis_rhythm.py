@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pendulum_logs import JOINT, logs, robot
 
-from bench.diagnosis.model import JointModel
+from bench.diagnosis.joint.model import JointModel
+from bench.diagnosis.joint.rhythm import Register, denied, short_refresh
 from bench.diagnosis.observed import Channel, observe
-from bench.diagnosis.rhythm import Register, denied, short_refresh
 from sim.drive import fields
 from sim.model import read_model
 from sim.stepped import TICK_S

@@ -8,20 +8,12 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, POSITION, logs, model_of
 
-from bench.diagnosis.fit import Fit, Score, fit
-from bench.diagnosis.floor import tolerance
-from bench.diagnosis.growing import PLAIN, _holds, _together, grow, ranked
-from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
-from bench.diagnosis.model import Hypothesis, Kind
-from bench.diagnosis.rivals import AS_GOOD, CLOSE, NONE_LEAST, _among, contemporaries, rivals
-from bench.diagnosis.running import (
-    HELD_OUT_OF,
-    LEAST_GROUPS,
-    DiagnosisError,
-    split,
-    without_effects,
-)
-from bench.diagnosis.screening import (
+from bench.diagnosis.joint.fit import Fit, Score, fit
+from bench.diagnosis.joint.floor import tolerance
+from bench.diagnosis.joint.growing import PLAIN, _holds, _together, grow, ranked
+from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.rivals import AS_GOOD, CLOSE, NONE_LEAST, _among, contemporaries, rivals
+from bench.diagnosis.joint.screening import (
     CLOSER,
     LIMITS,
     PROMISING,
@@ -31,7 +23,23 @@ from bench.diagnosis.screening import (
     vectors_to_try,
     worth_fitting,
 )
-from bench.diagnosis.search import NEEDED, NUMBER_NATS, STRAYED, Gain, Outside, folds, held_out
+from bench.diagnosis.joint.search import (
+    NEEDED,
+    NUMBER_NATS,
+    STRAYED,
+    Gain,
+    Outside,
+    folds,
+    held_out,
+)
+from bench.diagnosis.knobs import TWINS, effect_knobs, joint_effects
+from bench.diagnosis.running import (
+    HELD_OUT_OF,
+    LEAST_GROUPS,
+    DiagnosisError,
+    split,
+    without_effects,
+)
 from sim.effects import effect
 from sim.stepped import TICK_S
 
@@ -98,7 +106,7 @@ def test_a_name_that_holds_beside_another_is_not_its_rival(monkeypatch):
     model = model_of(logs(motions=["slow"]))
     first, second = sized("gain_error", 1.0, 100.0), sized("dead_zone", 1.0, 120.0)
     both = first.fit.hypothesis + second.fit.hypothesis.knobs
-    monkeypatch.setattr("bench.diagnosis.rivals.drop", lambda *_: (first.fit, first))
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.drop", lambda *_: (first.fit, first))
     for held, expected in ((both, []), (first.fit.hypothesis, ["dead_zone"])):
         found = SimpleNamespace(hypothesis=held)
         probability, close, *_ = contemporaries(model, found, first, [first, second])
@@ -119,7 +127,7 @@ def test_a_rival_that_leaves_no_more_than_engines_differ_by_is_close(monkeypatch
     """However sure the likelihood is, which counts what repeats."""
     model = model_of(logs(motions=["slow"]))
     named, other = sized("gain_error", 0.0, 1000.0), sized("dead_zone", 0.0, 900.0)
-    monkeypatch.setattr("bench.diagnosis.rivals.hardly_better", lambda *_: hardly)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: hardly)
     probability, close = _among(model, named, [other])
     assert [rival.effect for rival in close] == (["dead_zone"] if hardly else [])
     assert [rival.behind_nats for rival in close] == ([AS_GOOD] if hardly else [])
@@ -139,7 +147,7 @@ def test_many_rivals_that_leave_as_little_are_together_as_likely_as_one(monkeypa
         "zero_offset",
     )
     names = list(amounts[:others])
-    monkeypatch.setattr("bench.diagnosis.rivals.hardly_better", lambda *_: True)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: True)
     probability, close = _among(model, named, [sized(name, 0.0, 900.0) for name in names])
     assert [rival.effect for rival in close] == names
     alone, _ = _among(model, named, [sized("dead_zone", 0.0, 900.0)])
@@ -151,7 +159,7 @@ def test_many_rivals_that_leave_as_little_are_together_as_likely_as_one(monkeypa
 def test_a_name_that_holds_another_is_never_likelier_than_it(monkeypatch, ahead, behind):
     """It always fits as well; where its numbers agreed, that says nothing for it."""
     model = model_of(logs(motions=["slow"]))
-    monkeypatch.setattr("bench.diagnosis.rivals.hardly_better", lambda *_: False)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: False)
     named = sized("load_friction", 0.0, 300.0)
     other = sized("directional_load_friction", 0.0, 300.0 + ahead)
     probability, close = _among(model, named, [other])
@@ -461,7 +469,7 @@ def test_of_many_effects_that_are_alike_more_are_worth_a_fit():
 
 
 def test_a_time_is_not_screened_below_a_tick_of_the_firmware(monkeypatch):
-    monkeypatch.setattr("bench.diagnosis.screening.SIZES", (6.0,))  # all far too great
+    monkeypatch.setattr("bench.diagnosis.joint.screening.SIZES", (6.0,))  # all far too great
     model = model_of(logs())
     ((_, _, start),) = screen(model, base_of(model), [effect("transport_delay")])
     (knob,) = effect_knobs(effect("transport_delay"))

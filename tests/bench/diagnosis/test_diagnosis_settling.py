@@ -2,8 +2,8 @@
 
 import pytest
 
-from bench.diagnosis.search import HARM, Outside
-from bench.diagnosis.settling import HARMFUL, NEEDLESS, SPOILT, WORSE, spoils
+from bench.diagnosis.joint.search import HARM, Outside
+from bench.diagnosis.joint.settling import HARMFUL, NEEDLESS, SPOILT, WORSE, spoils
 
 FLOOR = 1e-3
 NOISE = FLOOR**2

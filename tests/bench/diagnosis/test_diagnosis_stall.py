@@ -8,10 +8,10 @@ import pytest
 import tomli_w
 from pendulum_logs import JOINT, POSITION, logs, robot
 
-from bench.diagnosis.improved import additions
-from bench.diagnosis.joint import diagnose_joint
-from bench.diagnosis.model import JointModel
-from bench.diagnosis.nuisances import STALL
+from bench.diagnosis.joint.diagnosis import diagnose_joint
+from bench.diagnosis.joint.improved import additions
+from bench.diagnosis.joint.model import JointModel
+from bench.diagnosis.joint.nuisances import STALL
 from bench.diagnosis.observed import observe
 from busemu.tables import load_robot
 from sim.effects import effect

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from walking_robots import marvin
 
-from bench.diagnosis.gait import BINS, Bins, Phase, commanded_lift, gait_phase
+from bench.diagnosis.robot.gait import BINS, Bins, Phase, commanded_lift, gait_phase
 from hal.legs import PARTS, Legs
 
 PERIOD_S = 0.9

@@ -14,8 +14,8 @@ from walking_robots import believed, marvin, recorded_walk
 
 from bench.diagnosis.replaying import Misfit, replay
 from bench.diagnosis.result import Estimate
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_improved import of_causes, write_model
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.improved import of_causes, write_model
 from bench.diagnosis.sense import DiagnosisError
 from bench.recording import Recording
 from busemu.tables import load_robot

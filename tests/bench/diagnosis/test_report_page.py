@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 
 from bench import motions
-from bench.diagnosis.nuisances import NUISANCES
+from bench.diagnosis.joint.nuisances import NUISANCES
 from bench.diagnosis.report import Origin, Trace, report_page, write_report
 from bench.diagnosis.report.pictures import (
     CLOSE_S,

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from walking_robots import believed, walked
 
-from bench.diagnosis.rivals import CLOSE
-from bench.diagnosis.robot_causes import ENGINES_SHARE, cause_of, close_rivals
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import APART_NATS, RobotGain, levelled
-from bench.diagnosis.robot_next import HEAVIER, menu
+from bench.diagnosis.joint.rivals import CLOSE
+from bench.diagnosis.robot.causes import ENGINES_SHARE, cause_of, close_rivals
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.gains import APART_NATS, RobotGain, levelled
+from bench.diagnosis.robot.next import HEAVIER, menu
 
 OWN = "foot_compliance@all"
 NEAR, FAR, SAME = "joint_compliance@all", "backlash@tibia", "foot_compliance@leg1"

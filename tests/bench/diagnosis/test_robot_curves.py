@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.robot_curves import BENT, NEAR, Curves
-from bench.diagnosis.robot_features import RobotKind
+from bench.diagnosis.robot.curves import BENT, NEAR, Curves
+from bench.diagnosis.robot.features import RobotKind
 
 MOTIONS = (0, 2)
 ALONE = np.array([1.0, -2.0, 0.5])  #: what a spring does to each row alone, for one unit

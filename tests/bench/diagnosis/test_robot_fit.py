@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.noise import Block
-from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_fit import Sight
-from bench.diagnosis.robot_nuisances import RobotNuisance
+from bench.diagnosis.robot.features import RobotKind
+from bench.diagnosis.robot.fit import Sight
+from bench.diagnosis.robot.nuisances import RobotNuisance
 
 ROWS, NUISANCES = 400, 3
 NOISE_RAD = 1e-3

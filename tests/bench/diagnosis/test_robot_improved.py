@@ -6,8 +6,8 @@ import pytest
 from walking_robots import believed, marvin
 
 from bench.diagnosis.result import Estimate
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_improved import (
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.improved import (
     knob_of,
     of_causes,
     of_nuisances,
@@ -17,7 +17,7 @@ from bench.diagnosis.robot_improved import (
     with_all,
     write_model,
 )
-from bench.diagnosis.robot_nuisances import LATE, nuisances, replayable, trials, with_nuisances
+from bench.diagnosis.robot.nuisances import LATE, nuisances, replayable, trials, with_nuisances
 from busemu.tables import load_robot
 from sim.model import read_model
 

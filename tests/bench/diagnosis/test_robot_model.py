@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked_with
 
-from bench.diagnosis.robot_curves import FARTHER, GRID, LARGER, LEAST_RAD
-from bench.diagnosis.robot_effects import LEVELS
-from bench.diagnosis.robot_features import MEANS, RobotKind
-from bench.diagnosis.robot_fit import Sight
-from bench.diagnosis.robot_gains import NEEDED
-from bench.diagnosis.robot_model import RATTLES, RobotModel
-from bench.diagnosis.robot_nuisances import replayable
-from bench.diagnosis.robot_pool import Job
-from bench.diagnosis.robot_screen import Screen
-from bench.diagnosis.robot_shaking import ENGINES_SHAKING
+from bench.diagnosis.robot.curves import FARTHER, GRID, LARGER, LEAST_RAD
+from bench.diagnosis.robot.effects import LEVELS
+from bench.diagnosis.robot.features import MEANS, RobotKind
+from bench.diagnosis.robot.fit import Sight
+from bench.diagnosis.robot.gains import NEEDED
+from bench.diagnosis.robot.model import RATTLES, RobotModel
+from bench.diagnosis.robot.nuisances import replayable
+from bench.diagnosis.robot.pool import Job
+from bench.diagnosis.robot.screen import Screen
+from bench.diagnosis.robot.shaking import ENGINES_SHAKING
 
 #: recordings of one model: nulls, and one effect each
 NULL, TIPS, SOFT = 0, 1, 2

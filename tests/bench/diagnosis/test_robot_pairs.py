@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import APART_NATS, RobotGain
-from bench.diagnosis.robot_search import RobotSearch
-from bench.diagnosis.robot_sought import Pair
-from bench.diagnosis.robot_steps import BESIDE, WORSE
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.gains import APART_NATS, RobotGain
+from bench.diagnosis.robot.search import RobotSearch
+from bench.diagnosis.robot.sought import Pair
+from bench.diagnosis.robot.steps import BESIDE, WORSE
 
 SPRING, TIPS = "joint_compliance@femur+tibia", "foot_compliance@all"
 PAIR = Pair((SPRING, TIPS), (8.0, 3.0))

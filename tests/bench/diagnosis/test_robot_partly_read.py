@@ -11,13 +11,13 @@ import pyarrow.compute as pc
 import pytest
 from walking_robots import believed, marvin, recorded_walk, walked, walked_with
 
-from bench.diagnosis.robot_features import Features, shown_by
-from bench.diagnosis.robot_judging import Judgement, traces
-from bench.diagnosis.robot_limits import unread, without_gait
-from bench.diagnosis.robot_model import RobotKind, RobotModel
-from bench.diagnosis.robot_overload import before_overload
-from bench.diagnosis.robot_pool import Job
-from bench.diagnosis.robot_replay import course, play
+from bench.diagnosis.robot.features import Features, shown_by
+from bench.diagnosis.robot.judging import Judgement, traces
+from bench.diagnosis.robot.limits import unread, without_gait
+from bench.diagnosis.robot.model import RobotKind, RobotModel
+from bench.diagnosis.robot.overload import before_overload
+from bench.diagnosis.robot.pool import Job
+from bench.diagnosis.robot.replay import course, play
 from bench.recording import Recording, RecordingError, joint_track
 
 READ = ("leg1", "leg4")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.noise import Block
-from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_places import LEAST, mismatch, moved
+from bench.diagnosis.robot.features import RobotKind
+from bench.diagnosis.robot.places import LEAST, mismatch, moved
 
 JOINTS = [f"leg{n}.{part}" for n in (1, 2, 3) for part in ("coxa", "femur", "tibia")]
 BINS = 24

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.floor import tolerance
+from bench.diagnosis.joint.floor import tolerance
 from bench.diagnosis.noise import Block, Noise
 from bench.diagnosis.report.telling import channel_finding
 from bench.diagnosis.result import FitSummary
-from bench.diagnosis.robot_diagnosis import Work, noise_of
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_rattling import Play, worsened
+from bench.diagnosis.robot.diagnosis import Work, noise_of
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.rattling import Play, worsened
 
 BASE = RobotFit((), np.zeros(1), {}, 10.0)
 LOOSE = RobotFit(("backlash@all",), np.array([0.0, 5.0]), {}, 10.0)

@@ -3,10 +3,10 @@ from dataclasses import replace
 import pytest
 from walking_robots import marvin, walked
 
-from bench.diagnosis import robot_pool
 from bench.diagnosis.journal import Journal
-from bench.diagnosis.robot_features import Features
-from bench.diagnosis.robot_pool import ROWS, Job, Replays
+from bench.diagnosis.robot import pool as robot_pool
+from bench.diagnosis.robot.features import Features
+from bench.diagnosis.robot.pool import ROWS, Job, Replays
 
 SHORT = Job(0, short=True)
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from walking_robots import believed, marvin, walked, walked_by, walked_with
 
-from bench.diagnosis.nuisances import PUNCH
-from bench.diagnosis.robot_model import RobotModel, undocumented_punch
-from bench.diagnosis.robot_nuisances import nuisances
-from bench.diagnosis.robot_search import RobotSearch
+from bench.diagnosis.joint.nuisances import PUNCH
+from bench.diagnosis.robot.model import RobotModel, undocumented_punch
+from bench.diagnosis.robot.nuisances import nuisances
+from bench.diagnosis.robot.search import RobotSearch
 from busemu.tables import load_robot
 from sim.drive import fields
 from sim.effects import effect

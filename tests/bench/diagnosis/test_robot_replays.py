@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, recorded_walk, walked
 
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_features import Features
-from bench.diagnosis.robot_nuisances import (
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.features import Features
+from bench.diagnosis.robot.nuisances import (
     LATE,
     READ,
     later,
@@ -15,7 +15,7 @@ from bench.diagnosis.robot_nuisances import (
     trials,
     with_nuisances,
 )
-from bench.diagnosis.robot_replay import LATE_S, Jitter, _acts_s, course, loaded, play
+from bench.diagnosis.robot.replay import LATE_S, Jitter, _acts_s, course, loaded, play
 from bench.recording import Recording, RecordingError
 from sim.drive import fields
 from sim.stepped import TICK_S

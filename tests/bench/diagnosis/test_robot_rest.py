@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.noise import Block
-from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_model import ENGINES_RAD
-from bench.diagnosis.robot_rest import LOCAL, MISFIT, MORE, SHARE, rest_of
+from bench.diagnosis.robot.features import RobotKind
+from bench.diagnosis.robot.model import ENGINES_RAD
+from bench.diagnosis.robot.rest import LOCAL, MISFIT, MORE, SHARE, rest_of
 
 JOINTS = [f"leg{n}.{part}" for n in (1, 2) for part in ("coxa", "femur", "tibia")]
 BINS = 24

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from bench.diagnosis import robot_running
 from bench.diagnosis.report.telling import cautions, unfinished
 from bench.diagnosis.result import Diagnosis, FitSummary
-from bench.diagnosis.robot_diagnosis import RobotDiagnosis, Work
+from bench.diagnosis.robot import running as robot_running
+from bench.diagnosis.robot.diagnosis import RobotDiagnosis, Work
 from bench.diagnosis.running import Split
 from bench.diagnosis.watch import OutOfTimeError, Watch
 from busemu.tables import load_robot

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.nuisances import SHARE
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_exact import LAST, REFINED, SHARES, WORTH, ExactFits
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import APART_NATS, NEEDED, RobotGain
-from bench.diagnosis.robot_nuisances import COMMON, SAME, RobotNuisance, nuisances
-from bench.diagnosis.robot_screen import (
+from bench.diagnosis.joint.nuisances import SHARE
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.exact import LAST, REFINED, SHARES, WORTH, ExactFits
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.gains import APART_NATS, NEEDED, RobotGain
+from bench.diagnosis.robot.nuisances import COMMON, SAME, RobotNuisance, nuisances
+from bench.diagnosis.robot.screen import (
     A_KIND,
     CONFIRMED,
     PROMISING,
@@ -23,8 +23,8 @@ from bench.diagnosis.robot_screen import (
     stretched,
     worth_fitting,
 )
-from bench.diagnosis.robot_search import RobotSearch
-from bench.diagnosis.robot_steps import BESIDE, BEST, HELD_OUT, PROMISED, WORSE
+from bench.diagnosis.robot.search import RobotSearch
+from bench.diagnosis.robot.steps import BESIDE, BEST, HELD_OUT, PROMISED, WORSE
 from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
 from sim.model import read_model

@@ -6,18 +6,18 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from bench.diagnosis.growing import RELIEF
+from bench.diagnosis.joint.growing import RELIEF
+from bench.diagnosis.joint.rivals import CLOSE
 from bench.diagnosis.noise import Block
-from bench.diagnosis.rivals import CLOSE
-from bench.diagnosis.robot_causes import ENGINES_SHARE
-from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import APART_NATS, RobotFindings, RobotGain
-from bench.diagnosis.robot_limits import other_volts
-from bench.diagnosis.robot_model import ENGINES_RAD, VOLTAGE_SENSE
-from bench.diagnosis.robot_nuisances import RobotNuisance
-from bench.diagnosis.robot_rest import LOCAL
-from bench.diagnosis.robot_settling import (
+from bench.diagnosis.robot.causes import ENGINES_SHARE
+from bench.diagnosis.robot.features import RobotKind
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.gains import APART_NATS, RobotFindings, RobotGain
+from bench.diagnosis.robot.limits import other_volts
+from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
+from bench.diagnosis.robot.nuisances import RobotNuisance
+from bench.diagnosis.robot.rest import LOCAL
+from bench.diagnosis.robot.settling import (
     FITTED,
     JUDGED,
     LITTLE,
@@ -29,7 +29,7 @@ from bench.diagnosis.robot_settling import (
     RobotJudges,
     Squares,
 )
-from bench.diagnosis.robot_steps import WORSE
+from bench.diagnosis.robot.steps import WORSE
 
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
 FITS, JUDGES = (0, 1), (2,)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked, walked_by
 
-from bench.diagnosis import robot_rattling
-from bench.diagnosis.robot_features import Features
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import NEEDED, RobotGain
-from bench.diagnosis.robot_rattling import SHAKEN_APART_NATS, Rattling, ShakingSearch, told
-from bench.diagnosis.robot_replay import play
-from bench.diagnosis.robot_search import RobotSearch
-from bench.diagnosis.robot_shaking import ENGINES_SHAKING, by_kind
-from bench.diagnosis.robot_sought import SPRINGS
-from bench.diagnosis.robot_steps import BESIDE, HELD_OUT, PROMISED
+from bench.diagnosis.robot import rattling as robot_rattling
+from bench.diagnosis.robot.features import Features
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.gains import NEEDED, RobotGain
+from bench.diagnosis.robot.rattling import SHAKEN_APART_NATS, Rattling, ShakingSearch, told
+from bench.diagnosis.robot.replay import play
+from bench.diagnosis.robot.search import RobotSearch
+from bench.diagnosis.robot.shaking import ENGINES_SHAKING, by_kind
+from bench.diagnosis.robot.sought import SPRINGS
+from bench.diagnosis.robot.steps import BESIDE, HELD_OUT, PROMISED
 from sim.effects import effect
 
 PLAY_RAD = math.radians(3.0)

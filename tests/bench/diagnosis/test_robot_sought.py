@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.robot_effects import LEVELS, placed_effects
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import HOPELESS, NEEDED, RobotGain
-from bench.diagnosis.robot_sought import LIMITS, LITTLE, PAIRS, SOFT, SPRINGS, Pair, Sought
+from bench.diagnosis.robot.effects import LEVELS, placed_effects
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.gains import HOPELESS, NEEDED, RobotGain
+from bench.diagnosis.robot.sought import LIMITS, LITTLE, PAIRS, SOFT, SPRINGS, Pair, Sought
 from busemu.tables import load_robot
 from sim.model import read_model
 

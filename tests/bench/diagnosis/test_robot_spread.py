@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.robot_features import RobotKind
-from bench.diagnosis.robot_spread import APART, BOTH, DRAWS, WITHIN, of_starts, of_tolerances
+from bench.diagnosis.robot.features import RobotKind
+from bench.diagnosis.robot.spread import APART, BOTH, DRAWS, WITHIN, of_starts, of_tolerances
 
 J = RobotKind.JOINTS
 ROW = np.repeat([0, 1], 30)

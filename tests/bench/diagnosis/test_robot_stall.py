@@ -4,11 +4,11 @@ import pytest
 import tomli_w
 from walking_robots import believed, marvin, walked, walked_by, walked_with
 
-from bench.diagnosis.nuisances import STALL
-from bench.diagnosis.robot_improved import of_nuisances
-from bench.diagnosis.robot_model import RobotModel
-from bench.diagnosis.robot_nuisances import nuisances
-from bench.diagnosis.robot_search import RobotSearch
+from bench.diagnosis.joint.nuisances import STALL
+from bench.diagnosis.robot.improved import of_nuisances
+from bench.diagnosis.robot.model import RobotModel
+from bench.diagnosis.robot.nuisances import nuisances
+from bench.diagnosis.robot.search import RobotSearch
 from busemu.tables import load_robot
 from sim.effects import effect
 from sim.model import read_model

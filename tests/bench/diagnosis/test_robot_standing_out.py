@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked_with
 
-from bench.diagnosis.robot_effects import CARRYING, leg_of, placed_effects
-from bench.diagnosis.robot_features import MEANS, RobotKind
-from bench.diagnosis.robot_fit import Sight
-from bench.diagnosis.robot_model import RobotModel
-from bench.diagnosis.robot_screen import STANDS_OUT, Screen
-from bench.diagnosis.robot_search import RobotSearch
+from bench.diagnosis.robot.effects import CARRYING, leg_of, placed_effects
+from bench.diagnosis.robot.features import MEANS, RobotKind
+from bench.diagnosis.robot.fit import Sight
+from bench.diagnosis.robot.model import RobotModel
+from bench.diagnosis.robot.screen import STANDS_OUT, Screen
+from bench.diagnosis.robot.search import RobotSearch
 
 JOINTS = [joint.name for joint in believed().joints]
 LEGS = [leg.name for leg in believed().legs]

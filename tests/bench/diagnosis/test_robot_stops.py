@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from walking_robots import marvin, recorded_walk
 
-from bench.diagnosis import robot_running
 from bench.diagnosis.result import Diagnosis, FitSummary
-from bench.diagnosis.robot_diagnosis import RobotDiagnosis
-from bench.diagnosis.robot_replay import course, play
-from bench.diagnosis.robot_stops import past_stops
+from bench.diagnosis.robot import running as robot_running
+from bench.diagnosis.robot.diagnosis import RobotDiagnosis
+from bench.diagnosis.robot.replay import course, play
+from bench.diagnosis.robot.stops import past_stops
 from bench.diagnosis.running import Split
 from bench.diagnosis.watch import Watch
 from bench.recording import joint_track
@@ -67,7 +67,7 @@ def test_one_damaged_reading_moves_no_stop(tight, monkeypatch):
         angle[0] = track.position_rad.min()
         return replace(track, position_rad=angle)
 
-    monkeypatch.setattr("bench.diagnosis.robot_stops.joint_track", cut)
+    monkeypatch.setattr("bench.diagnosis.robot.stops.joint_track", cut)
     assert past_stops(tight, [recorded_walk()]) == (tight, ())
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked
 
-from bench.diagnosis.robot_fit import Sight
-from bench.diagnosis.robot_model import RobotModel
-from bench.diagnosis.robot_nuisances import TIPS, nuisances, trials, with_nuisances
+from bench.diagnosis.robot.fit import Sight
+from bench.diagnosis.robot.model import RobotModel
+from bench.diagnosis.robot.nuisances import TIPS, nuisances, trials, with_nuisances
 from sim.effects import effect
 
 KNOWN = {n.name.split()[0] for n in nuisances(believed(), 0.005)} - {TIPS}

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_fit import RobotFit
-from bench.diagnosis.robot_gains import NEEDED, RobotGain
-from bench.diagnosis.robot_search import RobotSearch
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.gains import NEEDED, RobotGain
+from bench.diagnosis.robot.search import RobotSearch
 from busemu.tables import load_robot
 from sim.model import read_model
 

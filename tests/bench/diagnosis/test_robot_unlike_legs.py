@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bench.diagnosis.robot_nuisances import CENTRES, legs_aside_m, nuisances
+from bench.diagnosis.robot.nuisances import CENTRES, legs_aside_m, nuisances
 from busemu.tables import load_robot
 from sim.model import read_model
 

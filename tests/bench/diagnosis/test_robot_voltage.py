@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked, walked_by
 
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_features import Features, RobotKind
-from bench.diagnosis.robot_fit import Sight, voltage_noise
-from bench.diagnosis.robot_limits import limits
-from bench.diagnosis.robot_model import VOLTAGE_FLOOR_V, VOLTAGE_SENSE, RobotModel
-from bench.diagnosis.robot_replay import LEAST_SAMPLES, course, play
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.features import Features, RobotKind
+from bench.diagnosis.robot.fit import Sight, voltage_noise
+from bench.diagnosis.robot.limits import limits
+from bench.diagnosis.robot.model import VOLTAGE_FLOOR_V, VOLTAGE_SENSE, RobotModel
+from bench.diagnosis.robot.replay import LEAST_SAMPLES, course, play
 from bench.running import Steering, in_process, walk_in
 from busemu.tables import load_robot
 from busemu.timing import load_profile

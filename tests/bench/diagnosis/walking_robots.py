@@ -7,8 +7,8 @@ from functools import cache
 
 import numpy as np
 
-from bench.diagnosis.robot_effects import placed_effects
-from bench.diagnosis.robot_replay import Course, Jitter, course, play
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.replay import Course, Jitter, course, play
 from bench.recording import Recording
 from bench.running import Steering, in_process, walk_in
 from busemu.tables import Robot, load_robot

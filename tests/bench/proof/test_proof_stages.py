@@ -2,7 +2,7 @@
 
 from judged_cases import diagnosis, effect, key
 
-from bench.diagnosis.search import NEEDED
+from bench.diagnosis.joint.search import NEEDED
 from bench.proof.stages import STAGES, names_at, stages
 
 

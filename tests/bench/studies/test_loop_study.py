@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from bench.diagnosis.robot_judging import rmse_rad
+from bench.diagnosis.robot.judging import rmse_rad
 from bench.experiments.locomotion_result import TORQUE_LIMIT
 from bench.gaits.candidate import Candidate
 from bench.motions import WalkPlan

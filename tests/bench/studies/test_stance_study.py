@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from bench.diagnosis.robot_effects import placed_effects
+from bench.diagnosis.robot.effects import placed_effects
 from bench.recording import Recording
 from bench.studies import stance
 from bench.studies.stance import CONTACT_CLASS, JOINT_CLASS, JOINTS, PARTS, Answer, scored, study

@@ -1,0 +1,116 @@
+"""What a named effect could be instead."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sim.effects import Effect
+
+from ..result import Rival
+from .faint import hardly_better
+from .fit import Fit
+from .model import JointModel
+from .screening import screen
+from .search import Gain, Progress, confirm, drop
+from .veto import SPLIT
+
+TRIED = 3  #: rivals that are fitted in an effect's place
+CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
+#: that nothing of the catalogue is the cause: never less than the first; where a gain is faint,
+#: more, by the second, fading with the third [nats]. Of one joint, fitted by eye to 66 names of two
+#: proofs that were opened: true were 2 of 8 below 60 nats, 22 of 30 from 60 to 300, 26 of 28 beyond
+NONE_LEAST, NONE_FAINT, FAINT_NATS = 0.07, 0.6, 60.0
+#: nats (deflated) that rivals are behind, all of them together, of which each leaves no more than
+#: two sound simulations of the joint differ by; assumed
+AS_GOOD = 2.0
+TEMPER = 0.5  #: of gains, when they become probabilities: see docs on power
+
+
+def rivals(
+    model: JointModel,
+    now: Fit,
+    name: str,
+    effects: Mapping[str, Effect],
+    known: Sequence[Gain],
+    say: Progress,
+) -> tuple[float, list[Rival], dict[str, Fit], Fit]:
+    """Probability of an effect among all fitted in its place, and those close behind it.
+
+    Also the fits of those close behind, by effect, and the fit without any in its place.
+    """
+    say(f"what {name} could be instead")
+    without, own = drop(model, now, name)
+    tried: list[Gain] = []
+    if len(now.hypothesis.effects) == 1:  # the search has fitted them already
+        tried = [g for g in known if g.fit.hypothesis.effects == (g.effect,) and g.effect != name]
+    else:
+        others = [
+            e for n, e in effects.items() if n != name and n not in without.hypothesis.effects
+        ]
+        for _, other, start in screen(model, without, others)[:TRIED]:
+            tried.append(confirm(model, without, effects[other], start))
+    probability, close = _among(model, own, tried)
+    fits = {gain.effect: gain.fit for gain in tried}
+    return probability, close, {r.effect: fits[r.effect] for r in close}, without
+
+
+def contemporaries(
+    model: JointModel, now: Fit, named: Gain, known: Sequence[Gain]
+) -> tuple[float, list[Rival], dict[str, Fit], Fit]:
+    """As :func:`rivals`, from what was fitted beside an effect when it was taken: nothing new.
+
+    Another name that holds beside it is not what it could be instead.
+    """
+    before = set(named.fit.hypothesis.effects) - {named.effect}
+    tried = [
+        g
+        for g in known
+        if g.effect not in now.hypothesis.effects
+        and set(g.fit.hypothesis.effects) == before | {g.effect}
+    ]
+    without, *_ = drop(model, now, named.effect)
+    probability, close = _among(model, named, tried)
+    return probability, close, {}, without
+
+
+def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float, list[Rival]]:
+    """Probability of an effect among some that were fitted in its place, and those close behind.
+
+    A likelihood is sure of whatever repeats. Where two differ by less than engines do, that is no
+    more than a hint which of them it is.
+    """
+    scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
+    own = named.counted(scale) - named.unlikely
+    behind = {g.effect: own - (g.counted(scale) - g.unlikely) for g in tried}
+    for other, plainer in SPLIT.items():  # the same and more, so that it always fits as well
+        if plainer == named.effect and other in behind:
+            behind[other] = max(behind[other], AS_GOOD)
+    alike = [
+        g.effect
+        for g in tried
+        if behind[g.effect] > AS_GOOD and hardly_better([model], g.fit, named.fit)
+    ]
+    for other in alike:  # together as likely as one
+        together = AS_GOOD + float(np.log(len(alike))) / TEMPER
+        behind[other] = min(behind[other], together)
+    probability, others = chances(own, behind)
+    close = [
+        Rival(other, (model.observed[0].joint,), others[other], nats)
+        for other, nats in behind.items()
+        if nats < CLOSE or other in alike
+    ]
+    return probability, sorted(close, key=lambda r: r.behind_nats)
+
+
+def chances(own_nats: float, behind_nats: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+    """Probability of an effect, and of others that are so far behind it in its place.
+
+    All gains [nats] are deflated. What is left to 1 is that of nothing in the catalogue.
+    """
+    none = NONE_LEAST + NONE_FAINT * float(np.exp(-max(0.0, own_nats) / FAINT_NATS))
+    weights = {o: float(np.exp(-TEMPER * max(0.0, b))) for o, b in behind_nats.items()}
+    total = 1.0 + sum(weights.values()) + float(np.exp(-TEMPER * max(0.0, own_nats)))
+    total /= 1.0 - none
+    return 1.0 / total, {other: weight / total for other, weight in weights.items()}

@@ -1,0 +1,361 @@
+"""The diagnosis of a whole robot: from recordings of all its joints to a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.recording import Recording
+from busemu.tables import Robot
+from sim.model import Addition, read_model
+
+from ..journal import Journal
+from ..noise import Block, Noise
+from ..result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
+from ..watch import OutOfTimeError
+from .causes import cause_of, close_rivals
+from .features import MEANS, RobotKind
+from .fit import RobotFit
+from .gains import RobotFindings, RobotGain
+from .improved import of_causes, of_nuisances
+from .judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
+from .limits import limits, other_volts, stand_in
+from .model import RATTLING, Progress, RobotModel, is_play
+from .next import next_experiments
+from .places import mismatch, moved
+from .rattling import Play, Rattling, told, worsened
+from .replay import course
+from .rest import Rest
+from .search import RobotSearch
+from .settling import RobotJudges, far_off
+
+Floats = NDArray[np.float64]
+
+PLACES = 6  #: of a joint in stance or swing whose rest is told in details, the most foretold
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotDiagnosis:
+    """A diagnosis with what pictures and the better model are made from.
+
+    ``believed`` and ``better`` are the recordings that judge, under the model as the operator has
+    it with ordinary tolerances fitted, and with what was found; ``additions`` is what the better
+    model adds to the robot's file.
+    """
+
+    diagnosis: Diagnosis
+    additions: tuple[Addition, ...]
+    believed: tuple[Judgement, ...]
+    better: tuple[Judgement, ...]
+
+
+def diagnose_robot(
+    robot: Robot,
+    fitted: Sequence[Recording],
+    judging: Sequence[Recording],
+    *,
+    without: Iterable[str] = (),
+    on: str = "",
+    say: Progress = lambda _: None,
+    tell: Progress | None = None,
+    journal: Journal | None = None,
+) -> RobotDiagnosis:
+    """Diagnose a legged robot on recordings that read the positions of all its joints.
+
+    ``without`` names effects of the catalogue that may not be named; ``on`` is the day, for the
+    better model. Replays are kept in the ``journal``. Stages of what may be left undone are said to
+    ``say``, which may raise :class:`OutOfTimeError`, and those that an answer needs to ``tell`` (if
+    None: to ``say`` as well). Raises :class:`bench.recording.RecordingError`, and
+    :class:`OutOfTimeError` where there is no answer yet.
+    """
+    courses = [course(recording, robot) for recording in (*fitted, *judging)]
+    which = list(range(len(fitted)))
+    judges = list(range(len(fitted), len(courses)))
+    base = read_model(robot)
+    with RobotModel(base, robot, courses, say, judging=judges, journal=journal) as model:
+        work = Work(model, robot, which, judges, on, say, tell or say)
+        return work.diagnosed(frozenset(without))
+
+
+class Work:
+    """A diagnosis that is being made: some recordings fit, the others (or the same) judge.
+
+    ``say`` and ``tell`` are those of :func:`diagnose_robot`.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        robot: Robot,
+        which: list[int],
+        judges: list[int],
+        on: str,
+        say: Progress,
+        tell: Progress,
+    ) -> None:
+        self.model, self.robot, self.tell = model, robot, tell
+        self.which, self.judges, self.held_out = which, judges or which, bool(judges)
+        groups = sorted({model.observed[r].group for r in which})
+        self.told = f"fitted to recordings {', '.join(groups)}" + (f"; {on}" if on else "")
+        self.search = RobotSearch(model, which, say=say)
+        self.held = RobotJudges(self.search, robot, which, self.judges, self.held_out)
+        self.rattling = Rattling(model, which, self.judges, say)
+
+    def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
+        """Search, judge, and say what was found."""
+        model = self.model
+        base = begun = self.search.believed()
+        play = self._play(base, without)
+        if play is not None:
+            # what rattles leaves much that no name explains: one search is enough
+            begun, without = self._with_play(base, play), without | RATTLING
+        found, after = self.search.nothing(begun), begun
+        taken: list[RobotGain] = []
+        rejected: list[Mapping[str, Any]] = []
+        if not self.held.consistent(begun):
+            found, taken, after, rejected = self.searched(begun, without, play is None)
+        if play is None and self.rattling.denies(after):
+            taken, after = self._without_play(found, taken, after)
+        if play is not None and not self.rattling.bears_out(play.beside(after)):
+            if play.gain.name in after.names:
+                after = self.held.without(begun, after, play.gain.name)
+            play, found = None, replace(found, base=base)
+        whole = after if play is None else play.beside(after)
+        rest = self.held.rest(after)
+        self.tell("replaying the recordings that judge")
+        causes, nexts, extra = self._causes(found, taken, after, rest)
+        if play is not None:
+            causes.append(play.cause)
+            placed = model.placed[play.gain.name]
+            extra += of_causes([(placed, play.cause.parameters)], self.told)
+            found = replace(found, base=base)
+        shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)
+        shakes = self.rattling.left(whole, self.judges)
+        believed = judge(model, self.robot, base.nuisances, (), self.judges)
+        better = believed
+        if extra:
+            better = judge(model, self.robot, after.nuisances, extra, self.judges)
+        shown = [model.features[r] for r in self.judges]
+        rmse = [steady_rmse_rad(shown, judged) for judged in (believed, better)]
+        fit = FitSummary(
+            before=rmse[0],
+            after=rmse[1],
+            noise_floor=floor_rad(model, self.judges),
+            held_out=self.held_out,
+            recordings=tuple(model.observed[r].name for r in self.judges),
+        )
+        ends = () if causes else self.held.strained(after, found.in_vain)
+        unlike = not causes and far_off(fit.after, fit.noise_floor)
+        volts = self.held.volts_denied(after)
+        left = bool(ends or volts or unlike) or rest.structured or worsened(causes, fit)
+        verdict = verdict_of(bool(causes), left)
+        ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
+        diagnosis = Diagnosis(
+            verdict=verdict,
+            mismatch=self._mismatch(found, whole) if verdict != "consistent" else (),
+            causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
+            fit=fit,
+            unexplained=rest.told() if rest.structured or ends or unlike else (),
+            next_experiment=tuple(nexts),
+            limits=(
+                *limits(model, after, self.which, self.held_out),
+                *stand_in(ends),
+                *other_volts(volts),
+                *told(play is not None, shakes, shook, shaken),
+            ),
+            channels=self._channels(found, after),
+            rejected=tuple(rejected),
+            ranking=_ranking(found),
+            details=self._details(found, after, rest)
+            | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
+            | {
+                "shaking": {
+                    "named": play is not None,
+                    "before_nats": shook,
+                    "left_nats": shakes,
+                    "log_ratio": shaken,
+                }
+            },
+        )
+        return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
+
+    def _play(self, base: RobotFit, without: frozenset[str]) -> Play | None:
+        """Play that shaking shows, if there is time."""
+        try:
+            return self.rattling.named(base, without)
+        except OutOfTimeError:
+            return None
+
+    def _with_play(self, base: RobotFit, play: Play) -> RobotFit:
+        """What the operator believes with as much play as shaking says, where that is no worse.
+
+        Where much rattles, means over the phase are nearer to those of a robot without.
+        """
+        name = play.gain.name
+        self.search.sight.held[name] = play.knob
+        loose = self.search.thoroughly((name,), np.array([play.knob]), base.noise)
+        return loose if loose.cost < base.cost else base
+
+    def _without_play(
+        self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit
+    ) -> tuple[list[RobotGain], RobotFit]:
+        """What was found but play that shaking denies."""
+        kept = []
+        for gain in taken:
+            if is_play(gain.name):
+                after = self.held.without(found.base, after, gain.name)
+            else:
+                kept.append(gain)
+        return kept, after
+
+    def searched(
+        self, base: RobotFit, without: frozenset[str], again: bool
+    ) -> tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
+        """What a search found, the names that hold, the fit with them, and those taken back.
+
+        No more names are looked for where a robot with them is as far from its recordings as one
+        that is as believed. Where the first name is taken back there is a second search without it,
+        if there is time, and if it shall search ``again``.
+        """
+        done = self.held.consistent
+        found = self.search.run(without=without, base=base, done=done)
+        taken, after, rejected = self.held.kept(found, self.tell)
+        if not again or not found.taken or found.taken[0] in taken:
+            return found, taken, after, rejected
+        without |= {self.model.placed[found.taken[0].name].effect.name}
+        try:
+            found = self.search.run(without=without, base=base, done=done)
+        except OutOfTimeError:
+            return found, taken, after, rejected
+        taken, after, more = self.held.kept(found, self.tell)
+        return found, taken, after, [*rejected, *more]
+
+    def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
+        """Where what is named moves the robot; without a name, where more is left than noise."""
+        model = self.model
+        if after.names:
+            rows = []
+            for settings in (after.settings, ()):
+                model.recentre(settings, after.nuisances, self.which)
+                rows.append([model.modelled(settings, after.nuisances, r) for r in self.which])
+            joints = RobotKind.JOINTS
+            apart = [one[joints] - other[joints] for one, other in zip(*rows, strict=True)]
+            return moved(model, dict(zip(self.which, apart, strict=True)))
+        self.held.square(found.base, self.which)
+        blocks = model.residuals(found.base.names, found.base.z, self.which)
+        return mismatch(model, {r: blocks[r, RobotKind.JOINTS].value for r in self.which})
+
+    def _causes(
+        self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit, rest: Rest
+    ) -> tuple[list[Cause], list[NextExperiment], list[Addition]]:
+        """Named causes, what would tell them from their rivals, and what they add to the file."""
+        causes, nexts = [], []
+        placed: list[tuple[Any, Mapping[str, Estimate]]] = []
+        explainable = self.held.explainable(found.base, after)
+        found = self.held.undenied(found)
+        for gain in taken:
+            without = self.held.without(found.base, after, gain.name)
+            explained = self.held.explained(without, after, explainable)
+            held_out = gain.deflated
+            if gain.held_out is not None:
+                held_out = gain.held_out / gain.inflation
+            elif self.held_out:
+                held_out = (self.held.outside(without) - self.held.outside(after)) / gain.inflation
+            cause = cause_of(self.search, found, gain, after, explained, held_out)
+            causes.append(beside_rest(cause, rest.foretold, explainable))
+            placed.append((self.model.placed[gain.name], cause.parameters))
+            if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):
+                self.tell(f"what would tell {gain.name} from its rivals")
+                nexts += next_experiments(
+                    self.model,
+                    self.robot,
+                    after,
+                    {rival.name: rival.fit for rival in rivals},
+                    gain.inflation,
+                )
+        return causes, nexts, of_causes(placed, self.told)
+
+    def _channels(self, found: RobotFindings, after: RobotFit) -> tuple[Mapping[str, Any], ...]:
+        rows = []
+        for kind, floor in self.model.floors().items():
+            if kind not in MEANS:
+                continue
+            values: list[float] = []
+            own: list[Block] = []
+            for one in (found.base, after):
+                self.held.square(one, self.which)
+                blocks = self.model.residuals(one.names, one.z, self.which)
+                own = [block for (_, k), block in blocks.items() if k is kind]
+                values.append(float(np.sqrt(np.mean(np.concatenate([b.value for b in own]) ** 2))))
+            noise = after.noise.get(kind)
+            what = {
+                RobotKind.JOINTS: "all joints",
+                RobotKind.HEIGHT: "the trunk's height [m]",
+                RobotKind.VOLTAGE: "the supply at the servos [V]",
+            }
+            rows.append(
+                {
+                    "channel": "position" if kind is RobotKind.JOINTS else kind.value,
+                    "judges": f"{what[kind]}, over the phase of the gait",
+                    "rms_before": values[0],
+                    "rms_after": values[1],
+                    "rounding": floor,
+                    "noise": noise_of(own, noise) if noise else None,
+                }
+            )
+        return tuple(rows)
+
+    def _details(self, found: RobotFindings, after: RobotFit, rest: Rest) -> dict[str, Any]:
+        return {
+            "replays": self.model.replays.count,
+            "phase_rms_rad": {
+                "with_tolerances": self.held.square(found.base, self.which) ** 0.5,
+                "after": self.held.square(after, self.which) ** 0.5,
+                "after_held_out": rest.rms_rad,
+            },
+            "nuisances": {
+                n.name: {"value": float(x) * n.deviation, "deviations": float(x), "unit": n.unit}
+                for n, x in zip(self.model.nuisances, after.nuisances.tolist(), strict=True)
+            },
+            "over_noise": {
+                "fitted": self.held.over_noise(found.base, self.which),
+                "judged": self.held.over_noise(found.base, self.judges),
+            },
+            "remainder": {
+                "predicted_rad": rest.predicted_rad,
+                "share": rest.share,
+                "agreeing": rest.agreeing,
+                "places": [asdict(place) for place in rest.places[:PLACES]],
+            },
+            "seen_from": {
+                s.name: size
+                for s in found.screened
+                if np.isfinite(s.floor_z)
+                and np.isfinite(size := self.model.placed[s.name].knob.value(s.floor_z))
+            },
+        }
+
+
+def noise_of(blocks: Sequence[Block], noise: Noise) -> float:
+    """Of rows of some blocks: what fits call noise, and what rows scatter by themselves."""
+    scatter = np.mean(np.concatenate([block.extra for block in blocks]))
+    return float(np.hypot(noise.total, np.sqrt(scatter)))
+
+
+def _ranking(found: RobotFindings) -> tuple[Mapping[str, Any], ...]:
+    return tuple(
+        {
+            "effect": gain.name,
+            "with": [n for n in gain.fit.names if n != gain.name],
+            "gain_nats": float(gain.nats),
+            "inflation": float(gain.inflation),
+            "deflated_nats": float(gain.deflated),
+            "held_out_nats": gain.held_out,
+        }
+        for step in found.tried
+        for gain in step
+    )

@@ -1,0 +1,115 @@
+"""Which walk would tell two explanations of a whole robot apart.
+
+Both are replayed in every experiment of a menu: the walk that was recorded with another weight on
+the trunk, with the body held and the legs free, with the height of the trunk watched, or with the
+voltage read. What tells them apart is as for one joint
+(:mod:`bench.diagnosis.joint.next_experiment`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from busemu.tables import Robot
+from sim.stepped import TICK_S
+
+from ..joint.next_experiment import adapted, most_telling
+from ..noise import Noise
+from ..result import NextExperiment
+from .features import MEANS, RobotKind
+from .fit import RobotFit, Sight, voltage_noise
+from .model import HEIGHT_FLOOR_M, RobotModel
+from .replay import Course
+
+HEAVIER = 0.15  #: of the robot's mass: a weight to put on its trunk; assumed
+WATCH_S = 0.02  #: between two looks at the trunk's height, or at a voltage
+MEMORY_S = 0.1  #: of a height's noise; assumed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotChoice:
+    """An experiment of the menu: its name and arguments, and what it would be replayed as."""
+
+    experiment: str
+    arguments: Mapping[str, Any]
+    course: Course
+
+
+def menu(model: RobotModel) -> list[RobotChoice]:
+    """What can be done with the first walk that was recorded."""
+    told = replace(model.features[0].course, height=None)
+    weight = round(HEAVIER * model.base.mass_kg, 3)
+    before = float(told.condition.get("trunk_load_kg", told.condition.get("payload_kg", 0.0)))
+    heavier = {k: v for k, v in told.condition.items() if k != "payload_kg"}
+    heavier["trunk_load_kg"] = before + weight
+    held = dict(told.condition) | {"support": "suspended"}
+    times = np.arange(0.0, told.end_s - TICK_S, WATCH_S)
+    choices = [
+        RobotChoice(
+            "locomotion",
+            {"trunk_load_kg": before + weight},
+            replace(told, name="heavier", group="heavier", condition=heavier),
+        ),
+        RobotChoice(
+            "locomotion",
+            {"support": "suspended"},
+            replace(told, name="held", group="held", condition=held),
+        ),
+    ]
+    if all(f.course.height is None for f in model.features):
+        watched = replace(
+            told, name="watched", group="watched", height=(times, np.zeros(len(times)))
+        )
+        choices.append(RobotChoice("locomotion", {"observe": "mocap/base_z_m"}, watched))
+    if all(f.course.voltage is None for f in model.features):
+        read = replace(told, name="read", group="read", voltage=(times, np.zeros(len(times))))
+        choices.append(RobotChoice("locomotion", {"read": "present_voltage"}, read))
+    return choices
+
+
+def next_experiments(
+    model: RobotModel,
+    robot: Robot,
+    named: RobotFit,
+    rivals: Mapping[str, RobotFit],
+    inflation: float,
+) -> list[NextExperiment]:
+    """The best experiment of the menu against every rival of a named hypothesis."""
+    if not rivals:
+        return []
+    choices = menu(model)
+    watched = Noise(HEIGHT_FLOOR_M, 0.1 * HEIGHT_FLOOR_M, MEMORY_S)
+    found = []
+    with RobotModel(model.base, robot, [choice.course for choice in choices]) as imagined:
+        noise = {RobotKind.HEIGHT: watched, RobotKind.VOLTAGE: voltage_noise(imagined, 1)}
+        noise |= dict(named.noise)
+        for rival, other in rivals.items():
+            distances = [
+                _distance(Sight(imagined, [r], MEANS), named, other, noise)
+                for r in range(len(choices))
+            ]
+            best, power = most_telling(distances, inflation)
+            names = {n.partition("@")[0] for n in named.names}
+            others = {n.partition("@")[0] for n in other.names}
+            found.append(
+                NextExperiment(
+                    choices[best].experiment,
+                    dict(choices[best].arguments),
+                    tuple(sorted(names ^ others)) or (rival,),
+                    power,
+                )
+            )
+    return found
+
+
+def _distance(
+    sight: Sight, named: RobotFit, other: RobotFit, noise: Mapping[RobotKind, Noise]
+) -> float:
+    """How far apart two hypotheses are in one experiment, in deviations, nuisances adapted."""
+    ours, _ = sight.linearised(named.names, named.z, noise)
+    theirs, jacobian = sight.linearised(other.names, other.z, noise)
+    return adapted(theirs - ours, jacobian[:, : len(other.nuisances)])

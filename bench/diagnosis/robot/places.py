@@ -1,0 +1,121 @@
+"""Where a whole robot's misfit lives: which joints, standing or swinging."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from .features import RobotKind
+from .model import RobotModel
+
+Floats = NDArray[np.float64]
+
+#: neighbouring bins of a phase err together: so many of them tell as much as one; assumed
+TOGETHER = 4.0
+SIGNIFICANT = 0.05
+STANDS_OUT = 3.0  #: times the middle leg's, from which a leg's misfit is told on its own
+LEAST = 0.1  #: of the most moved of a kind, from which a joint counts as moved by what is named
+WORTH = 0.02  #: of all that what is named moves, from which a place of it is told
+Key = tuple[str, str]  #: a joint and a phase
+
+
+class Places:
+    """Squares of something that is in rows of joints, by joint and phase.
+
+    ``stance`` is the share of each row in which its leg stands, by the number of a recording.
+    ``ratio`` is the same over what noise and two engines make of it.
+    """
+
+    def __init__(
+        self, model: RobotModel, rows: Mapping[int, Floats], stance: Mapping[int, Floats]
+    ) -> None:
+        self.names = [joint.name for joint in model.base.joints]
+        floor = model.floors()[RobotKind.JOINTS] ** 2
+        self.sums: dict[Key, float] = {}
+        self.ratios: dict[Key, float] = {}
+        self.counts: dict[Key, float] = {}
+        for r, value in rows.items():
+            features = model.features[r]
+            extra = model.block(r, RobotKind.JOINTS, value).extra
+            for j, joint in enumerate(self.names):
+                own = features.joint_row == j
+                for phase, share in (("stance", stance[r][own]), ("swing", 1.0 - stance[r][own])):
+                    key = joint, phase
+                    square = share * value[own] ** 2
+                    self.sums[key] = self.sums.get(key, 0.0) + float(square.sum())
+                    ratio = float((square / (floor + extra[own])).sum())
+                    self.ratios[key] = self.ratios.get(key, 0.0) + ratio
+                    self.counts[key] = self.counts.get(key, 0.0) + float(share.sum())
+
+    def chance(self, key: Key) -> float:
+        """Of as much from noise and from what two engines differ by, times the places."""
+        count = self.counts[key] / TOGETHER
+        return min(1.0, len(self.sums) * float(chi2.sf(self.ratios[key] / TOGETHER, count)))
+
+    def level(self, key: Key) -> float:
+        """The mean square of one."""
+        return self.sums[key] / self.counts[key]
+
+    def kinds(self) -> list[list[Key]]:
+        """Joints of one kind in one phase stand together."""
+        parts = dict.fromkeys(name.rpartition(".")[2] for name in self.names)
+        seen = [key for key in self.sums if self.counts[key]]
+        found = [
+            [k for k in seen if k[0].endswith(f".{part}") and k[1] == phase]
+            for part in parts
+            for phase in ("stance", "swing")
+        ]
+        return [keys for keys in found if keys]
+
+    def row(self, group: Sequence[Key]) -> dict[str, Any]:
+        """A group as ``diagnosis.json`` has it."""
+        total = sum(self.sums.values()) or 1.0
+        return {
+            "channel": "present_position",
+            "joints": [joint for joint, _ in group],
+            "phase": group[0][1],
+            "share": sum(self.sums[k] for k in group) / total,
+            "p_value": min(self.chance(k) for k in group),
+        }
+
+
+def mismatch(model: RobotModel, left: Mapping[int, Floats]) -> tuple[dict[str, Any], ...]:
+    """Where more is left than noise leaves, as ``diagnosis.json`` has it, the largest share first.
+
+    ``left`` is what is left of recordings, by their numbers. A place is a joint in stance or swing,
+    as the leg is told to;
+    those of one kind stand together, but legs that stand out stand on their own. ``p_value`` is
+    the chance of as much from noise and from two engines, times the number of places looked at.
+    """
+    stance = {r: model.features[r].stance.astype(np.float64) for r in left}
+    places = Places(model, left, stance)
+    rows = []
+    for keys in places.kinds():
+        telling = [k for k in keys if places.chance(k) < SIGNIFICANT]
+        usual = float(np.median([places.level(k) for k in keys]))
+        own = [k for k in telling if places.level(k) > STANDS_OUT * usual]
+        groups = [[k] for k in own] + [[k for k in telling if k not in own]]
+        rows += [places.row(group) for group in groups if group]
+    return tuple(sorted(rows, key=lambda row: -float(row["share"])))
+
+
+def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], ...]:
+    """Where what is named moves a robot, as ``diagnosis.json`` has it, the largest share first.
+
+    ``by`` is how far it moves the rows of recordings. That it is there at all is shown by all of
+    them together, so that a place is told whether or not it would show it alone: ``p_value`` may be
+    any. Told by that, what is spread over a gait would seem to be where feet press alone. A leg
+    stands where its foot presses in the last exact replays.
+    """
+    places = Places(model, by, {r: model.pressed(r) for r in by})
+    rows = []
+    for keys in places.kinds():
+        most = max(places.level(k) for k in keys)
+        row = places.row([k for k in keys if places.level(k) >= LEAST * most])
+        if row["share"] >= WORTH:
+            rows.append(row)
+    return tuple(sorted(rows, key=lambda row: -float(row["share"])))

@@ -1,0 +1,200 @@
+"""Replays of a whole robot by several processes, each job told by names."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.starter import end_with_starter
+from busemu.tables import Robot
+from sim.entries import PhysicsError
+from sim.model import read_model
+
+from ..journal import Journal, code, digest
+from .effects import Placed, placed_effects
+from .features import Features
+from .nuisances import RobotNuisance, Trial, trials, with_nuisances
+from .replay import Course, Jitter, loaded, play
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A replay: of a recording, with effects at values of their knobs, a trial, another start.
+
+    ``nuisances`` are values of deviations, of all or of none. ``short``: only of a few cycles of
+    the gait, where there is one.
+    """
+
+    recording: int
+    effects: tuple[tuple[str, float], ...] = ()  #: placed effect and ``z``
+    trial: str = ""
+    nuisances: tuple[float, ...] = ()
+    jitter: int = 0  #: seed; 0 is the plain start
+    short: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """Means of a replay as :class:`Features` has them; empty where the engine could not run it."""
+
+    angle_rad: Floats
+    height_m: Floats
+    voltage_v: Floats
+    shaken: Floats
+    speed_rad_s: Floats
+    turn_rad: Floats
+    scatter_rad2: Floats
+    pressed: Floats  #: share of samples at which the leg's foot pressed
+
+
+ROWS = tuple(field.name for field in fields(Outcome))
+
+
+def _key(robot: Robot, course: Course) -> str:
+    """A hash of all that a replay of a recording depends on, but the job."""
+    arrays = [*course.sample_s, *course.wait_s, *course.position_rad]
+    arrays += [*(course.height or ()), *(course.voltage or ())]
+    goals = [part for goal in course.goals.values() for part in goal]
+    told = sorted(course.condition.items(), key=str)
+    return digest(code(), robot.document, told, course.start, course.events, *arrays, *goals)
+
+
+class _Bench:
+    """What a process needs: the robot as believed and the recordings."""
+
+    def __init__(
+        self, robot: Robot, features: Sequence[Features], every: Sequence[RobotNuisance]
+    ) -> None:
+        self.features, self.nuisances = features, every
+        base = read_model(robot)
+        self._believed = [loaded(robot, found.course.condition) for found in features]
+        self.placed: dict[str, Placed] = placed_effects(base)
+        self.trials: dict[str, Trial] = {trial.name: trial for trial in trials(base)}
+
+    def run(self, job: Job) -> Outcome:
+        """Replay."""
+        found = self.features[job.recording]
+        robot = self._believed[job.recording]
+        for name, z in job.effects:
+            placed = self.placed[name]
+            robot = placed.apply(robot, placed.knob.value(z))
+        if job.nuisances:
+            robot = with_nuisances(robot, self.nuisances, job.nuisances)
+        if job.trial:
+            trial = self.trials[job.trial]
+            robot = trial.change(robot, trial.size)
+        try:
+            jitter = Jitter(job.jitter) if job.jitter else None
+            track = play(robot, found.course, jitter, found.span if job.short else None)
+        except PhysicsError:
+            lost = np.full(len(found.bin), np.nan)
+            others = (found.height_m, found.voltage_v, found.shaken)
+            height, volts, shaken = (np.full(len(x), np.nan) for x in others)
+            return Outcome(lost, height, volts, shaken, lost, lost, lost, lost)
+        means = found.of_track(track)
+        if job.short:
+            none = np.empty(0)
+            return Outcome(*means, none, none, none, none)
+        pressed = found.pressed(track, robot)
+        return Outcome(*means, *found.speeds(track), found.scatter(track), pressed)
+
+
+_bench: _Bench | None = None
+
+
+def _begin(
+    robot: Robot, features: Sequence[Features], every: Sequence[RobotNuisance], parent: int
+) -> None:
+    """Make a process ready; it ends with the one that started it, however that ends."""
+    global _bench  # noqa: PLW0603 - one a process
+    _bench = _Bench(robot, features, every)
+
+    end_with_starter(parent)
+
+
+def _run(job: Job) -> Outcome:
+    assert _bench is not None
+    return _bench.run(job)
+
+
+class Replays:
+    """Runs jobs on ``processes`` (as many as there are cores, if None), and keeps what came out."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        features: Sequence[Features],
+        every: Sequence[RobotNuisance],
+        processes: int | None = None,
+        journal: Journal | None = None,
+    ) -> None:
+        self._journal = journal
+        self._keys = [_key(robot, found.course) for found in features] if journal else []
+        self._known: dict[Job, Outcome] = {}
+        self._here = _Bench(robot, features, every)
+        count = processes or len(os.sched_getaffinity(0))
+        self._pool: ProcessPoolExecutor | None = None
+        if count > 1:
+            with suppress(PermissionError):  # a confined process gets no semaphores: it does all
+                self._pool = ProcessPoolExecutor(
+                    count,
+                    multiprocessing.get_context("fork"),  # a robot's mappings cannot be pickled
+                    _begin,
+                    (robot, features, every, os.getpid()),
+                )
+        self.processes = 1 if self._pool is None else count  #: that replay at a time
+        self.count = 0  #: replays run so far
+
+    def run(self, jobs: Iterable[Job]) -> list[Outcome]:
+        """Outcomes of jobs, in their order; those known already cost nothing."""
+        wanted = list(jobs)
+        new = [job for job in dict.fromkeys(wanted) if job not in self._known]
+        new = [job for job in new if not self._recalled(job)]
+        if self._pool is not None and len(new) > 1:
+            found: Iterable[Outcome] = self._pool.map(_run, new)
+        else:
+            found = map(self._here.run, new)
+        for job, outcome in zip(new, found, strict=True):
+            self._known[job] = outcome
+            self.count += 1
+            if self._journal is not None:
+                given = {name: getattr(outcome, name).tolist() for name in ROWS}
+                self._journal.put(digest(self._keys[job.recording], job), given)
+        return [self._known[job] for job in wanted]
+
+    def _recalled(self, job: Job) -> bool:
+        """Whether an earlier run has kept it."""
+        if self._journal is None:
+            return False
+        kept = self._journal.get(digest(self._keys[job.recording], job))
+        if kept is None:
+            return False
+        self._known[job] = Outcome(*(np.array(kept[name], np.float64) for name in ROWS))
+        return True
+
+    def close(self) -> None:
+        """End the processes."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+    def __enter__(self) -> Replays:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

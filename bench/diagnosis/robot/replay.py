@@ -1,0 +1,332 @@
+"""Replaying what a whole robot was told: its recorded commands through PyBullet, without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.recording import JointTrack, Recording, RecordingError, joint_track
+from bench.recording.rules import READ
+from busemu.tables import Robot
+from sim.drive import fields
+from sim.drive.parameters import pack
+from sim.model import read_model
+from sim.stability import LARGEST, stiffness_number, too_stiff
+from sim.stepped import TICK_S, SteppedPlant
+from sim.tree import SEGMENTS, PhysicalRobot
+from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
+
+from ..commands import drive_commands
+from ..observed import held_at
+
+Floats = NDArray[np.float64]
+
+HEIGHT = "mocap/base_z_m"  #: of the trunk; other outside channels depend on where one stands
+VOLTAGES = ("present_voltage", "present_input_voltage")  #: registers of the supply's voltage
+BASE_EVERY = 10  #: ticks between two looks at the trunk, the supply and the feet
+LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
+#: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
+LATE_S = 0.0015
+SETTLE_S = 1.0  #: in which a replay that begins in the middle of a course only settles; assumed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What a robot was told in one recording, and when each joint was sampled; for replays.
+
+    A joint that nobody read has no samples, and does in replays what it was told. Joints are in the
+    order of the robot file's servos. ``start`` (commands, joints) holds the drives' commands at
+    first; ``events`` (n, 4) are time [s since the first], joint, field of :mod:`sim.drive.fields`
+    and value, in order of time. Angles are the joints' own.
+    """
+
+    name: str
+    group: str
+    condition: Mapping[str, Any]
+    start: Floats
+    events: Floats
+    first_rad: Floats
+    sample_s: tuple[Floats, ...]
+    wait_s: tuple[Floats, ...]  #: from instruction to sampling, of every sample
+    position_rad: tuple[Floats, ...]
+    quantum_rad: float
+    goals: Mapping[str, tuple[Floats, Floats]]
+    height: tuple[Floats, Floats] | None  #: times [s] and heights [m] of the trunk, if observed
+    #: times [s] and voltages [V] that servos had at their terminals, all of them, if any was read
+    voltage: tuple[Floats, Floats] | None = None
+
+    @property
+    def end_s(self) -> float:
+        """The last sample [s]."""
+        return max(float(t[-1]) for t in self.sample_s if len(t))
+
+    def at(self, t_s: float) -> Floats:
+        """Recorded angles of all joints at an instant [rad], or goals where nobody read."""
+        every = zip(self.goals.values(), self.sample_s, self.position_rad, strict=True)
+        return np.array(
+            [
+                np.interp(t_s, t, angle) if len(t) else held_at(goal, np.array([t_s]))[0]
+                for goal, t, angle in every
+            ]
+        )
+
+
+def course(recording: Recording, robot: Robot) -> Course:
+    """What a recording tells of a whole robot. Raises :class:`RecordingError`."""
+    tracks = {mount.joint: joint_track(recording, mount.joint, robot) for mount in robot.servos}
+    waits = {mount.joint: _waits_s(recording, mount.servo_id) for mount in robot.servos}
+    seen = [joint for joint, t in tracks.items() if len(t.position_t_s) >= LEAST_SAMPLES]
+    if not seen:
+        raise RecordingError(
+            recording.path,
+            f"fewer than {LEAST_SAMPLES} positions of every joint: a whole robot is diagnosed from "
+            "recordings that read present_position",
+        )
+    for joint, track in tracks.items():
+        if joint not in seen:
+            tracks[joint], waits[joint] = _unread(track, recording), np.empty(0)
+    origin = min(float(tracks[joint].position_t_s[0]) for joint in seen) - 1e-3
+    starts, events, firsts = [], [], []
+    for number, mount in enumerate(robot.servos):
+        track = tracks[mount.joint]
+        times, angles = track.position_t_s, track.position_rad
+        if mount.joint not in seen:
+            times, angles = np.array([origin]), track.goal_rad[:1]
+        servo_rad = np.array([mount.to_servo(angle) for angle in angles.tolist()])
+        table = robot.tables[mount.servo_id]
+        start, rows = drive_commands(recording, mount, table, times, servo_rad, origin)
+        starts.append(start)
+        events.append(np.insert(rows, 1, float(number), axis=1))
+        firsts.append(angles[0])
+    stacked = np.concatenate(events)
+    watched = recording.observed(HEIGHT)
+    return Course(
+        name=recording.name,
+        group=str(recording.metadata.get("group") or recording.name),
+        condition=dict(recording.metadata.get("condition", {})),
+        start=np.stack(starts, axis=1),
+        events=stacked[np.argsort(stacked[:, 0], kind="stable")],
+        first_rad=np.array(firsts),
+        sample_s=tuple(
+            track.position_t_s - origin + waits[joint] for joint, track in tracks.items()
+        ),
+        wait_s=tuple(waits.values()),
+        position_rad=tuple(track.position_rad for track in tracks.values()),
+        quantum_rad=max(abs(t["present_position"].si_scale) for t in robot.tables.values()),
+        goals={joint: (track.goal_t_s - origin, track.goal_rad) for joint, track in tracks.items()},
+        height=(watched.t_sample_s - origin, watched.value) if len(watched.value) else None,
+        voltage=_voltage(recording, robot, origin),
+    )
+
+
+def _unread(track: JointTrack, recording: Recording) -> JointTrack:
+    """A joint of which nobody knows more than what it was told."""
+    if not len(track.goal_rad):
+        raise RecordingError(
+            recording.path,
+            f"{track.joint} was neither read nor told anything: a whole robot is diagnosed from "
+            "recordings that write goal_position of every joint, or read its present_position",
+        )
+    return replace(track, position_t_s=np.empty(0), position_rad=np.empty(0))
+
+
+def _voltage(recording: Recording, robot: Robot, origin_s: float) -> tuple[Floats, Floats] | None:
+    """Times [s] and values [V] of the servos' voltage registers together, if they were read."""
+    found = [
+        recording.si(mount.servo_id, name, READ)
+        for mount in robot.servos
+        for name in VOLTAGES
+        if name in robot.tables[mount.servo_id]
+    ]
+    times = np.concatenate([series.t_sample_s for series in found]) - origin_s
+    if len(times) < LEAST_SAMPLES:
+        return None
+    order = np.argsort(times, kind="stable")
+    return times[order], np.concatenate([series.value for series in found])[order]
+
+
+def _waits_s(recording: Recording, servo_id: int) -> Floats:
+    """From instruction to sampling of every position that came [s]; 0 where nobody noted it."""
+    return np.nan_to_num(recording.waits(servo_id, "present_position").own)
+
+
+def loaded(robot: Robot, condition: Mapping[str, Any]) -> PhysicalRobot:
+    """The robot of a file under a recording's condition, with the weight its trunk carried.
+
+    ``payload_kg`` (or ``trunk_load_kg``) is spread over the trunk as the torque experiment does.
+    """
+    weight = float(condition.get("trunk_load_kg", condition.get("payload_kg", 0.0)))
+    rest = {k: v for k, v in condition.items() if not k.startswith("payload")}
+    return read_model(robot, trunk_load_kg=weight, condition=rest)
+
+
+Span = tuple[float, float]  #: of a course [s]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """A replay: sensed joint angles every tick (ticks, joints), and what was looked at meanwhile.
+
+    ``height_m`` are heights of the trunk at ``look_t_s``, none where nobody asks, ``voltage_v``
+    what drives had then, their mean; ``stands`` (looks, legs) is whether a foot pressed on the
+    ground. ``rest_m`` is the height of the trunk
+    before it moved. ``span`` are the instants of the course at which the replay says something: not
+    before it has settled, where it began in the middle.
+    """
+
+    angle_rad: Floats
+    look_t_s: Floats
+    height_m: Floats
+    voltage_v: Floats
+    stands: NDArray[np.bool_]
+    rest_m: float
+    from_s: float
+    span: Span
+
+    def at(self, joint: int, t_s: Floats) -> Floats:
+        """Sensed angle of a joint [rad] at ``t_s`` of the course."""
+        at = np.clip((t_s - self.from_s) / TICK_S, 0.0, len(self.angle_rad) - 1.0)
+        index = np.minimum(at.astype(np.intp), len(self.angle_rad) - 2)
+        part = at - index
+        column = self.angle_rad[:, joint]
+        found: Floats = column[index] * (1.0 - part) + column[index + 1] * part
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Jitter:
+    """How a replay starts a little otherwise: what contacts make of it is the spread of replays."""
+
+    seed: int
+    angle_rad: float = 0.002  #: deviation of the first joint angles; under a count of the sensor
+    yaw_rad: float = 0.01
+
+    def draw(self, joints: int) -> tuple[Floats, float]:
+        """Offsets of the joints and of the heading [rad]."""
+        random = np.random.default_rng([self.seed, 31])
+        angles = self.angle_rad * random.standard_normal(joints)
+        return angles, self.yaw_rad * random.standard_normal()
+
+
+class _Stage(SteppedPlant):
+    """A plant that is told drive columns and remembers every tick."""
+
+    def play(
+        self, course: Course, feet: Sequence[str], base: bool, rest_m: float, span: Span | None
+    ) -> Track:
+        """Run a course from its beginning, or a span of it; ``feet`` are the bodies they are of."""
+        from_s, to_s = span or (0.0, course.end_s)
+        ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
+        sensed = np.empty((ticks, len(self._names)))
+        heights, volts, stands = [], [], []
+        # a command acts from the first tick after it, as behind the bus
+        acts_s = _acts_s(course.events, self._delays_s) + LATE_S - from_s
+        due = np.floor(acts_s / TICK_S + 1e-6).astype(int) + 1
+        order = np.argsort(due, kind="stable")
+        due, rows = due[order], course.events[order, 1:].tolist()
+        self.bank.commands[:] = course.start
+        k = 0
+        for tick in range(ticks):
+            while k < len(due) and due[k] <= tick:
+                joint, field, value = rows[k]
+                self.bank.commands[int(field), int(joint)] = value
+                k += 1
+            sensed[tick] = self._joint_rad
+            if tick % BASE_EVERY == 0:
+                ground = self._engine.contacts().ground_n
+                stands.append([ground.get(foot, 0.0) > 0.0 for foot in feet])
+                volts.append(float(self.bank.states[fields.VOLTAGE].mean()))
+                if base:
+                    heights.append(self._engine.observe()[HEIGHT])
+            for _ in range(self._steps_per_tick):
+                self._step()
+        times = from_s + np.arange(len(stands), dtype=np.float64) * (BASE_EVERY * TICK_S)
+        settled = from_s + SETTLE_S if span else -np.inf
+        angles = self._as_sensed(sensed)
+        told = settled, to_s if span else np.inf
+        seen = np.array(heights), np.array(volts), np.array(stands, bool)
+        return Track(angles, times, *seen, rest_m, from_s, told)
+
+    def _as_sensed(self, joint_rad: Floats) -> Floats:
+        """What the servos' sensors make of the joints' angles, in the joints' frame."""
+        params = self.bank.params
+        servo = (joint_rad - self._mount[1]) * self._mount[0]
+        wave = params[fields.WAVE] * np.sin(
+            params[fields.WAVE_PERIODS] * servo + params[fields.WAVE_PHASE]
+        )
+        sensed: Floats = joint_rad + self._mount[0] * (params[fields.ZERO_OFFSET] + wave)
+        return sensed
+
+
+def _acts_s(events: Floats, delays_s: Sequence[float]) -> Floats:
+    """When each event acts [s]: goals later by their joint's delay, or once it is switched on."""
+    time_s, joint, field, value = events.T
+    acts_s: Floats = time_s.copy()
+    for j, delay_s in enumerate(delays_s):
+        goals = (joint == j) & np.isin(field, fields.GOALS)
+        on_s = time_s[(joint == j) & (field == fields.ENABLED) & (value > 0.0)]
+        next_on_s = np.append(on_s, np.inf)[np.searchsorted(on_s, time_s[goals])]
+        acts_s[goals] = np.minimum(time_s[goals] + delay_s, next_on_s)
+    return acts_s
+
+
+def play(
+    robot: PhysicalRobot,
+    course: Course,
+    jitter: Jitter | None = None,
+    span: Span | None = None,
+) -> Track:
+    """Replay a course with a robot in a PyBullet of its own.
+
+    It starts where the joints were first read, on its belly or its feet; with a ``span``, where
+    they were read at its beginning. Raises :class:`sim.entries.PhysicsError` for a gear too stiff
+    for any step.
+    """
+    count = len(robot.joints)
+    angles, yaw = jitter.draw(count) if jitter else (np.zeros(count), 0.0)
+    offsets = np.array([j.drive.zero_offset_rad * j.direction for j in robot.joints])
+    first = _posture(robot, course.first_rad - offsets + angles)
+    posture = first if span is None else _posture(robot, course.at(span[0]) - offsets + angles)
+    world = World(robot, step_s=TICK_S, held=course.condition.get("support") == "suspended")
+    try:
+        turned = (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw)))
+        lying = course.condition.get("support") != "suspended"
+        rest = _height_m(robot, first) if lying else world.base()[0][2]
+        height = _height_m(robot, posture) if lying else rest
+        world.place((0.0, 0.0, height), turned if lying else LEVEL, posture)
+        steps = _steps_per_tick(robot, world)
+        world.set_step(TICK_S / steps)
+        stage = _Stage(robot, world, steps_per_tick=steps, substeps=SUBSTEPS)
+        feet = [f"{leg.name}.{SEGMENTS[-1]}" for leg in robot.legs]
+        return stage.play(course, feet, course.height is not None, rest, span)
+    finally:
+        world.close()
+
+
+def _posture(robot: PhysicalRobot, angle_rad: Floats) -> dict[str, float]:
+    return {j.name: float(q) for j, q in zip(robot.joints, angle_rad, strict=True)}
+
+
+def _height_m(robot: PhysicalRobot, posture: Mapping[str, float]) -> float:
+    """Height of the trunk frame with belly or feet on the ground, legs each in their posture."""
+    assert robot.trunk is not None
+    feet = [
+        leg.foot.radius_m - leg.foot_m({s: posture[f"{leg.name}.{s}"] for s in SEGMENTS})[2]
+        for leg in robot.legs
+    ]
+    return max(*feet, -robot.trunk.belly_m)
+
+
+def _steps_per_tick(robot: PhysicalRobot, world: World) -> int:
+    inverse = world.inverse_mass()
+    params = pack([joint.drive for joint in robot.joints])
+    number = 0.0
+    for steps in STEPS_PER_TICK:
+        number = stiffness_number(params, inverse, TICK_S / steps)
+        if number <= LARGEST:
+            return steps
+    raise too_stiff(number, TICK_S / STEPS_PER_TICK[-1], robot.name)

@@ -1,0 +1,292 @@
+"""What a whole robot's model left out: effects at places, one by one, while they gain.
+
+The likelihood, the fits and what a gain must be divided by are those of one joint. An effect is
+taken when it gains enough on what it is fitted to and, where there are several groups of
+recordings, on those left out. The search goes on from there; in the end effects are dropped again
+without which the rest does as well. Where two show only together, no step finds the first of them:
+such pairs are tried as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..joint.rivals import CLOSE
+from ..watch import OutOfTimeError
+from .effects import Placed, leg_of
+from .fit import ENOUGH, RobotFit
+from .gains import NEEDED, RobotFindings, RobotGain
+from .screen import Screen, stretched, worth_fitting
+from .sought import Pair, Sought
+from .steps import BESIDE, WORSE, Steps
+
+Floats = NDArray[np.float64]
+MOST = 3  #: effects that are taken
+AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
+
+
+class RobotSearch(Steps):
+    """A search on some recordings of a model, with some kinds of channels."""
+
+    def run(
+        self,
+        most: int = MOST,
+        without: Collection[str] = (),
+        base: RobotFit | None = None,
+        done: Callable[[RobotFit], bool] = lambda _: False,
+    ) -> RobotFindings:
+        """Search among placed effects, of legs only where legs stand out.
+
+        ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
+        believes if that was fitted. Of a fit that is ``done`` nothing more is asked.
+        """
+        model = self.model
+        base = base or self.believed()
+        self.around(base)
+        first = self.screen(base)
+        looked = self._worth_looking(first)
+        wanted = [name for name in looked if model.placed[name].effect.name not in without]
+        self._say(f"replaying {len(wanted)} effects")
+        ranking = first.rank(wanted)
+        screened = tuple(ranking)
+        now = base
+        taken: list[RobotGain] = []
+        tried: list[tuple[RobotGain, ...]] = []
+        alone: list[tuple[RobotGain, ...]] = []  # that a pair was better than: in place of none
+        sought = self._sought(wanted)
+        try:
+            while len(taken) < most:
+                named = stretched(model.nuisances, now.nuisances)
+                gains = self._step(worth_fitting(ranking, named), now, len(taken))
+                gains = sought.beside(now, gains)
+                chosen, now, fitted = self._chosen(now, gains, named | sought.asked(gains))
+                base = base if now.names else now
+                tried.append(fitted)
+                sought = sought.after(fitted)
+                bare = now
+                if chosen is not None:
+                    now, taken = chosen.fit, [*taken, chosen]
+                if len(tried) == 1:
+                    pair = self._together(sought.pairs, bare, fitted, chosen)
+                    if pair:
+                        now, taken = pair[-1].fit, pair
+                        tried, alone = [(pair[0],), (pair[1],)], [fitted]
+                if now is bare or len(taken) >= most or done(now):
+                    break
+                ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
+            now, taken, tried = self._exchanged(now, taken, tried)
+            now, taken, tried = self._united(now, taken, tried)
+        except OutOfTimeError:
+            self.around(now)  # what was taken until then is told
+        alike = {
+            g.name: self._alike(first, g, s, wanted) for g, s in zip(taken, tried, strict=False)
+        }
+        pruned, taken = self._prune(now, taken)
+        now = now if pruned is now else self.settle(pruned)
+        now, taken = self._standing(base, now, taken)
+        return RobotFindings(base, now, tuple(taken), (*tried, *alone), alike, screened)
+
+    def _sought(self, names: Collection[str]) -> Sought:
+        return Sought.much(self.sight, names)
+
+    def believed(self) -> RobotFit:
+        """What the operator believes, with all that is never exactly so."""
+        self._say("fitting what the operator believes")
+        return self.thoroughly((), np.empty(0))
+
+    def nothing(self, base: RobotFit) -> RobotFindings:
+        """That what the operator believes is all there is to say."""
+        return RobotFindings(base, base, (), (), {}, ())
+
+    def _together(
+        self,
+        pairs: Sequence[Pair],
+        now: RobotFit,
+        tried: Sequence[RobotGain],
+        chosen: RobotGain | None,
+    ) -> list[RobotGain]:
+        """Two effects that together gain much more than the best alone, and none without the other.
+
+        Nothing else finds them: with one of them alone a robot is as far off as with neither.
+        """
+        alone = now if chosen is None else chosen.fit
+        for pair in pairs:
+            names, knobs = (*now.names, *pair.names), np.append(now.knobs, pair.knobs)
+            told = " and ".join(pair.names)
+            self._say(f"trying {told}")
+            with self.model.following():
+                begun = self.begun(names, knobs, now.noise)
+                if begun.cost > alone.cost - BESIDE:
+                    continue
+                self._say(f"replaying what is ordinary beside {told}")
+                refined = self.refined(begun)
+            fit = self.replayed(refined)
+            gains = [self._of_pair(name, fit, tried) for name in pair.names]
+            worse = self._whole_square(fit) > WORSE * self._whole_square(now)
+            more = alone.cost - fit.cost
+            if worse or any(more < BESIDE * gain.inflation for gain in gains):
+                continue
+            if all(self._holds(gain, fit) for gain in gains):
+                self.around(fit)
+                return gains
+        if pairs:
+            self.around(alone)
+        return []
+
+    def _of_pair(self, name: str, fit: RobotFit, tried: Sequence[RobotGain]) -> RobotGain:
+        """What one effect gains beside the others of a fit, the best of which is known."""
+        without = self.settle(self.sight.without(fit, name))
+        known = [gain.fit for gain in tried if gain.fit.names == without.names]
+        without = min([without, *known], key=lambda other: other.cost)
+        gain = RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None)
+        return self._with(gain, without, fit, self._left_out(without))
+
+    def _exchanged(
+        self, now: RobotFit, taken: Sequence[RobotGain], tried: Sequence[tuple[RobotGain, ...]]
+    ) -> tuple[RobotFit, list[RobotGain], list[tuple[RobotGain, ...]]]:
+        """The best of each step but the last, or the next best where that does better in the end.
+
+        What was found later may have decided between them. The fit, what is taken, what was tried.
+        """
+        taken, tried = list(taken), list(tried)
+        for k, gain in enumerate(taken[:-1]):
+            other = next((each for each in tried[k] if each.name not in now.names), None)
+            if other is None:
+                continue
+            self._say(f"trying {other.name} in place of {gain.name}")
+            at, knobs = now.names.index(gain.name), now.knobs.copy()
+            knobs[at] = other.fit.knobs[-1]
+            names = (*now.names[:at], other.name, *now.names[at + 1 :])
+            fit = self.thoroughly(names, knobs, now.noise)
+            before, after = self._left_out(now), self._left_out(fit)
+            outside = gain.held_out
+            if outside is not None and before is not None and after is not None:
+                outside += before - after
+            nats = gain.nats + now.cost - fit.cost
+            better = replace(other, fit=fit, nats=nats, held_out=outside)
+            if fit.cost > now.cost - ENOUGH or not self._holds(better, now):
+                continue
+            taken[k], now = better, fit
+            tried[k] = (better, *(each for each in tried[k] if each is not other))
+        self.around(now)
+        return now, taken, tried
+
+    def _united(
+        self, now: RobotFit, taken: Sequence[RobotGain], tried: Sequence[tuple[RobotGain, ...]]
+    ) -> tuple[RobotFit, list[RobotGain], list[tuple[RobotGain, ...]]]:
+        """One effect that was taken at two places as one at both, where that does as well.
+
+        What is soft in femurs and in tibiae was found in one of them first. The fit, what is taken,
+        what was tried.
+        """
+        taken, tried = list(taken), list(tried)
+        for one, other in combinations(taken, 2):
+            name = self._at_both(one.name, other.name)
+            if name is None:
+                continue
+            self._say(f"trying {name} in place of {one.name} and {other.name}")
+            knobs = dict(now.settings)
+            knob = 0.5 * (knobs.pop(one.name) + knobs.pop(other.name))
+            every = np.array([*knobs.values(), knob])
+            fit = self.thoroughly((*knobs, name), every, now.noise, now.nuisances)
+            wide = self.sight.inflation(fit, name)
+            if (fit.cost - now.cost) / wide >= NEEDED:
+                self.around(now)
+                continue
+            outside = None
+            if one.held_out is not None and other.held_out is not None:
+                outside = one.held_out + other.held_out
+            nats = one.nats + other.nats + now.cost - fit.cost
+            both = RobotGain(name, fit, nats, wide, outside)
+            k, gone = taken.index(one), taken.index(other)
+            taken[k], tried[k] = both, (both, *tried[k])
+            tried.append(tried.pop(gone))  # a step of nothing that is taken
+            del taken[gone]
+            self.around(fit)
+            return fit, taken, tried
+        return now, taken, tried
+
+    def _at_both(self, one: str, other: str) -> str | None:
+        """The effect that two of one kind are at both their places, if that is one of its own."""
+        first, second = self.model.placed[one], self.model.placed[other]
+        if first.effect is not second.effect or first.parameter is not second.parameter:
+            return None
+        alike = [
+            (name, placed)
+            for name, placed in self.model.placed.items()
+            if placed.effect is first.effect and placed.parameter is first.parameter
+        ]
+        joints = [joint.name for joint in self.model.base.joints]
+
+        def where(placed: Placed) -> frozenset[str]:
+            return frozenset(placed.where or joints)
+
+        both = where(first) | where(second)
+        return next((name for name, placed in alike if where(placed) == both), None)
+
+    def screen(self, now: RobotFit) -> Screen:
+        """A screening of what a fit leaves, on the recordings of one motion: fits take them all."""
+        like = self.model.like
+        some = [r for r in self.which if like[r] == like[self.which[0]]]
+        ends = np.array([nuisance.ends for nuisance in self.model.nuisances]).T
+        held = (now.nuisances <= AT_END * ends[0]) | (now.nuisances >= AT_END * ends[1])
+        at = np.where(held, now.nuisances, 0.0)
+        left = [
+            {
+                kind: self.model.recorded(r, kind) - rows
+                for kind, rows in self.model.modelled(now.settings, at, r).items()
+            }
+            for r in range(len(self.model.features))
+        ]
+        noise = dict(now.noise)
+        return Screen(self.model, noise, left, self.sight.kinds, some, now.names, held)
+
+    def _worth_looking(self, screen: Screen) -> list[str]:
+        """All that is everywhere or of a kind, and places in legs that stand out."""
+        legs = {leg.name for leg in self.model.base.legs}
+        joints = {joint.name for joint in self.model.base.joints}
+        worst = set(screen.standing_out())
+        names = []
+        for name in self.model.placed:
+            place = name.partition("@")[2]
+            leg = leg_of(place, legs)
+            if not leg or (leg in worst and (place in worst or place not in joints)):
+                names.append(name)
+        return names
+
+    def _alike(
+        self, screen: Screen, chosen: RobotGain, gains: Sequence[RobotGain], names: Sequence[str]
+    ) -> tuple[tuple[str, float], ...]:
+        found = dict(screen.alike(chosen.name, names))
+        for gain in gains:
+            if gain.name != chosen.name and chosen.ahead_of(gain) < CLOSE:
+                found.setdefault(gain.name, 1.0)
+        return tuple(sorted(found.items(), key=lambda pair: -abs(pair[1])))
+
+    def _prune(self, now: RobotFit, taken: list[RobotGain]) -> tuple[RobotFit, list[RobotGain]]:
+        while len(taken) > 1:
+            losses = []
+            for gain in taken:
+                without = self.sight.without(now, gain.name)
+                wide = self.sight.inflation(now, gain.name)
+                losses.append(((without.cost - now.cost) / wide, gain, without))
+            loss, gain, without = min(losses, key=lambda entry: entry[0])
+            if loss >= NEEDED:
+                break
+            now, taken = without, [g for g in taken if g is not gain]
+        return now, taken
+
+    def _standing(
+        self, base: RobotFit, now: RobotFit, taken: list[RobotGain]
+    ) -> tuple[RobotFit, list[RobotGain]]:
+        """Effects that together make no whole recording much worse; the last go first."""
+        begun = self._whole_square(base) if taken else 0.0
+        while taken and self._whole_square(now) > WORSE * begun:
+            *taken, last = taken
+            now = self.settle(self.sight.without(now, last.name)) if taken else base
+        return now, taken

@@ -1,0 +1,308 @@
+"""Which names of a whole robot hold: what a search found, on recordings that were not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from busemu.tables import Robot
+
+from ..joint.growing import RELIEF
+from ..joint.rivals import CLOSE
+from .causes import ENGINES_SHARE
+from .features import RobotKind
+from .fit import RobotFit, voltage_noise
+from .gains import RobotFindings, RobotGain
+from .improved import of_settings
+from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
+from .model import Progress, RobotModel
+from .nuisances import RobotNuisance
+from .rest import Rest, rest_of
+from .search import AT_END, RobotSearch
+from .steps import WORSE
+
+#: mean squares over those of noise up to which robots are as believed, where tolerances were
+#: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
+FITTED, JUDGED = 0.6, 1.8
+#: RMS of walked samples over that of a sound model, up to which recordings that judge are as
+#: believed; ten nulls of the other engine had 1.0 to 1.4
+SAMPLES = 1.6
+#: the same where robots stand, of noise with what is chance in it. Two nulls of a Marvin by another
+#: engine had 0.29 and 0.22, two of a PhantomX, whose feet slip and stick, 0.67 and 1.04
+STANDING = 2.0
+VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
+MOST = 0.5  #: share of that below which a name must bring it for voltages to ask for it; assumed
+ENDS = 1  #: so many of 15 tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
+LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
+#: share by which the mean square of samples may be more with a name that tolerances had stood in
+#: for; assumed
+SPOILT = 0.1
+SIZES = (-1.0, -0.5, 0.5, 1.0)  #: of what two engines differ by, that a name is asked for at
+NO_BETTER = "recordings that were not used to fit are no better with it"
+
+
+def far_off(rms_rad: float, floor_rad: float) -> bool:
+    """Whether walked samples are farther off than those of a sound model may be."""
+    return rms_rad > SAMPLES * floor_rad
+
+
+@dataclass(frozen=True, slots=True)
+class Squares:
+    """Mean squares of samples [rad^2]: of the steady part of recordings, and of all of them."""
+
+    steady: float
+    whole: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotJudges:
+    """Recordings that judge a search: those that were held out, or else those that it is fitted to.
+
+    ``which`` and ``judges`` are numbers of recordings.
+    """
+
+    search: RobotSearch
+    robot: Robot
+    which: Sequence[int]
+    judges: Sequence[int]
+    held_out: bool
+
+    @property
+    def model(self) -> RobotModel:
+        """The model that is judged."""
+        return self.search.model
+
+    def square(self, found: RobotFit, which: Sequence[int]) -> float:
+        """Mean square of phase means that a fit leaves by exact replays [rad^2]."""
+        self.model.recentre(found.settings, found.nuisances, which)
+        blocks = self.model.residuals(found.names, found.z, which)
+        rows = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.JOINTS]
+        return float(np.mean(np.concatenate(rows) ** 2))
+
+    def consistent(self, base: RobotFit) -> bool:
+        """Whether what the operator believes leaves no more than noise.
+
+        Of recordings that it was fitted to tolerances take much away; on others they cannot. Nor is
+        a robot as believed of which several tolerances have gone to their ends: something is the
+        matter for which they stand in. Nor one whose servos show another voltage, or one joint of
+        which is off by itself: the mean over all hides that. Nor one whose samples are far off:
+        what differs from turn to turn counts as noise of the means.
+        """
+        if len(self.at_ends(base)) > ENDS or self.volts_denied(base):
+            return False
+        fitted = self.over_noise(base, self.which) < (STANDING if self.stands else FITTED)
+        judged = not self.held_out or self.over_noise(base, self.judges) < JUDGED
+        return fitted and judged and not self.rest(base).local and not self.unlike(base)
+
+    @property
+    def stands(self) -> bool:
+        """Whether robots stand in some recordings: fits follow what is chance there."""
+        return any(self.model.features[r].phase is None for r in self.which)
+
+    def unlike(self, found: RobotFit) -> bool:
+        """Whether walked samples of recordings that judge are farther off than noise."""
+        return far_off(self.samples(found).steady ** 0.5, floor_rad(self.model, self.judges))
+
+    def rest(self, found: RobotFit) -> Rest:
+        """What a fit leaves where it is judged, by exact replays."""
+        every = sorted({*self.which, *self.judges})
+        self.model.recentre(found.settings, found.nuisances, every)
+        return rest_of(self.model, found, self.which, self.judges)
+
+    def volts_denied(self, found: RobotFit) -> float:
+        """How much more voltage servos show than a fit has [V], where that is too much; else 0."""
+        more = self.volts_more(found)
+        return more if abs(more) > VOLTS_OFF * voltage_noise(self.model, 1).coloured else 0.0
+
+    def volts_more(self, found: RobotFit) -> float:
+        """How much more voltage servos show than a fit has [V]; 0 where nobody read it."""
+        self.model.recentre(found.settings, found.nuisances, self.judges)
+        blocks = self.model.residuals(found.names, found.z, self.judges)
+        own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
+        return float(np.mean(np.concatenate(own))) if own else 0.0
+
+    def restores_volts(self, without: RobotFit, now: RobotFit) -> bool:
+        """Whether voltages ask for a name: they deny the model, and less than half so with it.
+
+        What is left of it then is told. Positions of two engines may want another size.
+        """
+        denied = self.volts_denied(without)
+        return bool(denied) and abs(self.volts_denied(now)) < MOST * abs(denied)
+
+    def explainable(self, base: RobotFit, now: RobotFit) -> float:
+        """How much of the misfit where it is judged can be explained [rad^2]; 0 or less: nothing.
+
+        All above the floor, or what a fit that goes below that has taken away: several names each
+        have their own part of it then.
+        """
+        before, floor = self.square(base, self.judges), self.floor_square
+        return before - (min(floor, self.square(now, self.judges)) if before > floor else floor)
+
+    def explained(self, without: RobotFit, now: RobotFit, explainable: float) -> float:
+        """Share of the misfit where it is judged that a name takes away, -1 to 1.
+
+        ``explainable`` [rad^2] is of positions, as :meth:`explainable` has it. Where tolerances
+        leave none of that, or take it about as well, a name shows in voltages, if anywhere.
+        """
+        off = self.square(without, self.judges) - self.square(now, self.judges)
+        shows = abs(off) >= LITTLE * explainable or not self.restores_volts(without, now)
+        if explainable > 0.0 and shows:
+            return float(np.clip(off / explainable, -1.0, 1.0))
+        left, more = (self.volts_more(fit) ** 2 for fit in (now, without))
+        return float(np.clip(1.0 - left / more, -1.0, 1.0)) if more else 0.0
+
+    def undenied(self, found: RobotFindings) -> RobotFindings:
+        """Findings without those rivals that voltages speak against, where less against the name.
+
+        Means over the phase may follow a low gain as well as a low supply, and a likelihood with
+        heavy tails lets one channel be far off.
+        """
+        tried, alike = list(found.tried), dict(found.alike)
+        for gain in found.taken:
+            k = next((k for k, step in enumerate(tried) if any(g is gain for g in step)), None)
+            if k is None:
+                continue
+            close = [g for g in tried[k] if g is not gain and gain.ahead_of(g) < CLOSE]
+            denied = {g.name for g in close if self.restores_volts(g.fit, gain.fit)}
+            tried[k] = tuple(g for g in tried[k] if g.name not in denied)
+            alike[gain.name] = tuple(p for p in alike.get(gain.name, ()) if p[0] not in denied)
+        return replace(found, tried=tuple(tried), alike=alike)
+
+    def strained(self, found: RobotFit, let_go: Collection[str] = ()) -> tuple[str, ...]:
+        """Tolerances at their ends, if they stand in for something that has no name.
+
+        That takes more of them than where nothing is the matter, and all of the whole robot's
+        together farther off than their priors have it: fits draw them towards what is believed.
+        One that gains nothing where it may go farther, as an effect that was fitted to the end
+        (``let_go``), is not pushed there.
+        """
+        at_ends = self.at_ends(found)
+        names = [n.name for n in at_ends if not set(let_go).intersection(n.same)]
+        pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
+        squares = [z**2 for n, z in pairs if n.same]
+        return tuple(names) if len(names) > ENDS and sum(squares) > len(squares) else ()
+
+    def at_ends(self, found: RobotFit) -> list[RobotNuisance]:
+        """Tolerances of the whole robot that a fit has taken as far as they may go.
+
+        Where robots stand, chance does so, and none of them tells anything.
+        """
+        if self.stands:
+            return []
+        pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
+        return [n for n, z in pairs if n.same and n.far(z, AT_END)]
+
+    def over_noise(self, found: RobotFit, which: Sequence[int]) -> float:
+        """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns."""
+        self.model.recentre(found.settings, found.nuisances, which)
+        joints = RobotKind.JOINTS
+        floor = self.model.floors()[joints] ** 2
+        blocks = self.model.residuals(found.names, found.z, which)
+        own = [block for (_, kind), block in blocks.items() if kind is joints]
+        return float(np.mean(np.concatenate([b.value**2 / (floor + b.extra) for b in own])))
+
+    def outside(self, found: RobotFit) -> float:
+        """What a fit costs on recordings that it has not seen [nats]."""
+        self.model.recentre(found.settings, found.nuisances, self.judges)
+        blocks = self.search.sight.blocks(found.names, found.z, self.judges)
+        return self.search.sight.cost(blocks, found.noise)
+
+    @property
+    def floor_square(self) -> float:
+        """Mean square of phase means that a sound model leaves where it is judged [rad^2]."""
+        extra = [
+            float(np.mean(self.model.spread[self.model.motion[r]][RobotKind.JOINTS]))
+            for r in self.judges
+        ]
+        return float(self.model.floors()[RobotKind.JOINTS] ** 2 + np.mean(extra))
+
+    def kept(
+        self, found: RobotFindings, say: Progress
+    ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
+        """Names that recordings which judge do not deny; the fit with them; those taken back.
+
+        All together may not make whole recordings, standing up and all, half as bad again. Before
+        a name is taken back it is asked for at other sizes, as far as two engines differ about it.
+        """
+        taken, now = list(found.taken), found.fit
+        begun = self.samples(found.base).whole if self.held_out and taken else 0.0
+        rejected: list[Mapping[str, Any]] = []
+        resized: set[str] = set()
+        while taken and self.held_out:
+            say("asking recordings that were not used to fit")
+            floor, before = self.floor_square, self.square(found.base, self.judges)
+            least = max(RELIEF * floor, LITTLE * (before - floor))
+            fits = {gain.name: self.without(found.base, now, gain.name) for gain in taken}
+            seen = self.samples(now)
+            spare = {name: self._spare(fit, now, seen, least) for name, fit in fits.items()}
+            worst = min(taken, key=lambda gain: spare[gain.name])
+            if spare[worst.name] > 0.0 and seen.whole <= WORSE * begun:
+                break
+            if worst.name not in resized:
+                resized.add(worst.name)
+                other = self.resized(now, worst.name)
+                if other is not now:
+                    now = other
+                    continue
+            rejected.append(
+                {
+                    "effect": self.model.placed[worst.name].effect.name,
+                    "scope": list(self.model.placed[worst.name].where),
+                    "gain_nats": float(worst.deflated),
+                    "because": NO_BETTER,
+                }
+            )
+            now = fits[worst.name]
+            taken = [gain for gain in taken if gain is not worst]
+        return taken, now, rejected
+
+    def _spare(self, without: RobotFit, now: RobotFit, seen: Squares, least: float) -> float:
+        """How much more than it must a name takes off the square that judges see [rad^2].
+
+        It must take off ``least``, and make samples (``seen`` with it) no worse. Where without it
+        tolerances stand in for something, and with it none do, those had foretold recordings that
+        judge as well: it may be worse there by that much, and samples a little. So where without it
+        voltages deny the model, and it takes away most of that. But not beside another name: that
+        may be what they stand in for.
+        """
+        frees = bool(self.strained(without)) and not self.strained(now)
+        frees |= self.restores_volts(without, now)
+        if frees and len(now.names) > 1:
+            frees = self.outside(now) < self.outside(without)
+        allowed = self.samples(without).steady * (1.0 + SPOILT if frees else 1.0)
+        if seen.steady >= allowed:
+            return -np.inf
+        off = self.square(without, self.judges) - self.square(now, self.judges)
+        return off + least if frees else off - least
+
+    def resized(self, now: RobotFit, name: str) -> RobotFit:
+        """A fit with the size of one effect that recordings which judge like best, or itself.
+
+        They are of other loads, where a robot may be next to falling and a little decides.
+        """
+        at = len(now.z) - len(now.names) + now.names.index(name)
+        low, high = (ends[at] for ends in self.search.sight.box(now.names))
+        best, least = now, self.square(now, self.judges)
+        for share in SIZES:
+            z = now.z.copy()
+            z[at] = np.clip((1.0 + share * ENGINES_SHARE) * z[at], low, high)
+            other = replace(now, z=z)
+            if (square := self.square(other, self.judges)) < least:
+                best, least = other, square
+        return best if best is now else self.search.replayed(best)
+
+    def samples(self, found: RobotFit) -> Squares:
+        """What a fit leaves of the samples of recordings that judge."""
+        added = of_settings(self.model.placed, found.settings, "fitted")
+        judged = judge(self.model, self.robot, found.nuisances, added, self.judges)
+        walking = steady_rmse_rad([self.model.features[r] for r in self.judges], judged)
+        return Squares(walking**2, rmse_rad(judged) ** 2)
+
+    def without(self, base: RobotFit, now: RobotFit, name: str) -> RobotFit:
+        """The fit without one effect, its replays as exact as those with it."""
+        if set(now.names) == {*base.names, name}:
+            return base
+        return self.search.settle(self.search.sight.without(now, name))

@@ -1,0 +1,110 @@
+"""What a search on legs tries at every step, however little curves promise of it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .fit import RobotFit, Sight
+from .gains import HOPELESS, NEEDED, RobotGain, levelled
+
+#: looked for from a large try whatever is promised: a little of a spring and much are two valleys
+SPRINGS = frozenset(
+    f"joint_compliance@{where}" for where in ("all", "femur", "tibia", "femur+tibia")
+)
+
+#: limits that are looked for likewise, from the middle one of their levels: femurs carry the robot
+LIMITS = frozenset({"torque_limit@all", "torque_limit@femur"})
+
+LITTLE = 0.5  #: of much of a spring, below which much is tried as well
+
+#: what is looked for together, as both give under the same load and neither shows without the other
+PAIRS = (("joint_compliance@femur+tibia", "foot_compliance@all"),)
+SOFT = 3.0  #: of tips beside a spring, in first tries, where a fit begins
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two effects at places, and knobs from which they are tried."""
+
+    names: tuple[str, str]
+    knobs: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sought:
+    """Effects at places that are tried, from such a knob if nothing is promised of them (``at``).
+
+    These are springs and limits, much of them, and whatever gained in place of what was taken, from
+    where it had come to: it may be beside that, too. Curves of limits say little, as they are those
+    of a robot as believed in all else: of one of 0.4 duty in another engine they promised nothing,
+    and a fit that began there gained 700 nats. ``pairs`` are tried at the first step.
+    """
+
+    sight: Sight
+    at: Mapping[str, float]
+    pairs: tuple[Pair, ...] = ()
+
+    @classmethod
+    def much(cls, sight: Sight, names: Collection[str]) -> Sought:
+        """Springs and limits among some names, from where a robot feels them."""
+        tries = sight.model.curves.tries
+        springs = {name: tries(name)[-1] for name in sorted(SPRINGS.intersection(names))}
+        levels = {name: sight.model.placed[name].levels for name in LIMITS.intersection(names)}
+        limits = {name: some[len(some) // 2] for name, some in levels.items()}
+        pairs = [
+            Pair((spring, tips), (springs[spring], SOFT * sight.model.curves.first_z(tips)))
+            for spring, tips in PAIRS
+            if spring in springs and tips in names
+        ]
+        return cls(sight, springs | limits, tuple(pairs))
+
+    def beside(self, now: RobotFit, promised: Sequence[RobotGain]) -> list[RobotGain]:
+        """What is promised, and what is sought of which nothing is; best first.
+
+        Of a spring of which little is promised much is sought as well: there are two gains of it.
+        Much of what is there already at some of the same places is not sought beside it.
+        """
+        found = [g for g in promised if g.name not in self.at or not self._unpromised(g)]
+        here = {name for name in self.at if any(self._again(name, own) for own in now.names)}
+        enough = {gain.name for gain in found if not self._little(gain)}
+        for name in sorted(self.at.keys() - here - enough):
+            fit = replace(now, names=(*now.names, name), z=np.append(now.z, self.at[name]))
+            found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
+        return levelled(found)
+
+    def asked(self, promised: Sequence[RobotGain]) -> set[str]:
+        """What is tried however much others promise: all that is sought, and limits of promise."""
+        limits = {g.name for g in promised if self._limit(g.name) and not self._unpromised(g)}
+        return limits | self.at.keys()
+
+    def after(self, fitted: Sequence[RobotGain]) -> Sought:
+        """What is sought after a step that has fitted so much to the end."""
+        hopeless = {gain.name for gain in fitted if gain.nats < -HOPELESS}
+        found = {name: z for name, z in self.at.items() if name not in hopeless}
+        for gain in fitted:
+            if gain.name not in SPRINGS and gain.deflated >= NEEDED:
+                found[gain.name] = float(gain.fit.knobs[-1])
+        return replace(self, at=found)
+
+    def _little(self, gain: RobotGain) -> bool:
+        """Whether much less is promised of it than is sought, limits aside."""
+        much, promised = self.at.get(gain.name, 0.0), float(gain.fit.knobs[-1])
+        return not self._limit(gain.name) and promised * much < LITTLE * much**2
+
+    def _again(self, name: str, own: str) -> bool:
+        """Whether two are one number of one effect, at some joint both."""
+        one, other = (self.sight.model.placed[each] for each in (name, own))
+        if one.effect is not other.effect or one.parameter is not other.parameter:
+            return False
+        anywhere = not one.where or not other.where
+        return anywhere or not set(one.where).isdisjoint(other.where)
+
+    def _limit(self, name: str) -> bool:
+        return bool(self.sight.model.placed[name].levels)
+
+    def _unpromised(self, gain: RobotGain) -> bool:
+        """Whether that is a limit which promises next to nothing."""
+        return self._limit(gain.name) and gain.nats < NEEDED
