@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..joint.confidence import NORMAL, estimate, state
-from ..joint.rivals import CLOSE, chances
+from ..joint.rivals import AS_GOOD, CLOSE, chances
 from ..result import Cause, Estimate, Rival
 from .effects import Placed
 from .fit import RobotFit
@@ -19,6 +19,12 @@ from .search import RobotSearch
 #: deviation: RMS over eight sizes in opened cases, which were 6 to 26 % off where intervals from
 #: scatter alone were 3 to 6 % wide and held none of them
 ENGINES_SHARE = 0.14
+#: springs in series under every foot: joints see their sum. What of it a fit prefers hangs on the
+#: damping that the catalogue assumes of each
+SERIES = {
+    "foot_compliance@all": "ground_compliance@all",
+    "ground_compliance@all": "foot_compliance@all",
+}
 
 
 def scope_of(placed: Placed, model: RobotModel) -> tuple[str, ...]:
@@ -63,9 +69,13 @@ def _rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> tuple[f
     for each in fitted:
         seen(each.name, gain.ahead_of(each))
     known = {each.name for each in fitted}
-    for name, cosine in found.alike.get(gain.name, ()):
+    alike = found.alike.get(gain.name, ())
+    tried = known | {name for name, _ in alike}
+    for name, cosine in alike:
         if name not in known:  # what is left of a trace beside another is not taken by it
             seen(name, gain.deflated * (1.0 - cosine**2))
+    if gain.name in SERIES and SERIES[gain.name] in tried:
+        seen(SERIES[gain.name], AS_GOOD)
     own, others = chances(gain.deflated, {other: nats for other, (nats, _) in behind.items()})
     close = [
         Rival(other, scope_of(model.placed[name], model), others[other], nats)

@@ -23,7 +23,7 @@ from .fit import RobotFit
 from .gains import RobotFindings, RobotGain
 from .improved import of_causes, of_nuisances
 from .judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
-from .limits import limits, other_volts, stand_in
+from .limits import in_series, limits, other_volts, stand_in
 from .model import RATTLING, Progress, RobotModel, is_play
 from .next import next_experiments
 from .places import mismatch, moved
@@ -165,6 +165,7 @@ class Work:
                 *limits(model, after, self.which, self.held_out),
                 *stand_in(ends),
                 *other_volts(volts),
+                *in_series(gain.name for gain in taken),
                 *told(play is not None, shakes, shook, shaken),
             ),
             channels=self._channels(found, after),

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from .causes import SERIES
 from .features import RobotKind
 from .fit import RobotFit
 from .model import RobotModel
@@ -98,6 +99,16 @@ def stand_in(ends: Sequence[str]) -> tuple[str, ...]:
     return (
         f"tolerances that are as far off as they may be: {', '.join(ends)}; they stand in for "
         "something that has no name here: measure one of them and put it into the robot file",
+    )
+
+
+def in_series(names: Iterable[str]) -> tuple[str, ...]:
+    """What is to be said of springs of which joints see the sum."""
+    if not set(SERIES).intersection(names):
+        return ()
+    return (
+        "feet that give and a ground that gives are springs in series under every foot, of which "
+        "joints see the sum: walk on another ground, what stays is the feet's",
     )
 
 

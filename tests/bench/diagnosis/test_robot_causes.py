@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from walking_robots import believed, walked
 
-from bench.diagnosis.joint.rivals import CLOSE
+from bench.diagnosis.joint.rivals import AS_GOOD, CLOSE, TEMPER
 from bench.diagnosis.robot.causes import ENGINES_SHARE, cause_of, close_rivals
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotGain, levelled
+from bench.diagnosis.robot.limits import in_series
 from bench.diagnosis.robot.next import HEAVIER, menu
 
 OWN = "foot_compliance@all"
@@ -75,6 +76,42 @@ def test_what_beginnings_make_of_fits_puts_none_ahead_of_another(nats, ahead):
 def test_what_looks_the_same_but_was_fitted_and_is_far_behind_is_none():
     effects = [r.effect for r in cause(((FAR, 0.999),)).indistinguishable_from]
     assert effects == ["joint_compliance"]
+
+
+GROUND = "ground_compliance@all"
+
+
+@pytest.mark.parametrize("names", [(OWN, GROUND), (GROUND, OWN)])
+def test_springs_in_series_are_told_together_however_far_a_fit_prefers_one(names):
+    step = tuple(gain(name, nats) for name, nats in zip(names, (600.0, 400.0), strict=True))
+    told = SimpleNamespace(tried=(step,), taken=step[:1], alike={})
+    one = cause_of(search(), told, step[0], step[0].fit, 0.8, 12.0)
+    (rival,) = one.indistinguishable_from
+    assert rival.effect == names[1].partition("@")[0]
+    assert rival.behind_nats == AS_GOOD
+    assert rival.probability == pytest.approx(np.exp(-TEMPER * AS_GOOD) * one.probability)
+    assert close_rivals(search().model, told, step[0]) == []  # no experiment of ours tells them
+
+
+def test_springs_in_series_are_told_where_both_may_be_named():
+    step = (gain(OWN, 600.0), gain(FAR, 10.0))
+    told = SimpleNamespace(tried=(step,), taken=step[:1], alike={})
+    assert not cause_of(search(), told, step[0], step[0].fit, 0.8, 12.0).indistinguishable_from
+    told.alike = {OWN: ((GROUND, 0.96),)}
+    (rival,) = cause_of(search(), told, step[0], step[0].fit, 0.8, 12.0).indistinguishable_from
+    assert (rival.effect, rival.behind_nats) == ("ground_compliance", AS_GOOD)
+
+
+def test_the_tip_of_one_leg_is_no_ground():
+    step = (gain(SAME, 600.0), gain(GROUND, 400.0))
+    told = SimpleNamespace(tried=(step,), taken=step[:1], alike={})
+    assert not cause_of(search(), told, step[0], step[0].fit, 0.8, 12.0).indistinguishable_from
+
+
+def test_what_tells_springs_in_series_is_said_where_one_is_named():
+    for name in (OWN, GROUND):
+        assert "walk on another ground" in in_series([FAR, name])[0]
+    assert in_series([SAME, FAR]) == ()
 
 
 def test_the_next_experiment_is_sought_against_rivals_that_were_fitted():
