@@ -297,7 +297,7 @@ COMMON = {
     "supply": ("(ratio)", 0.02, "battery from charge to charge; assumed"),
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
     LATE: ("s", 0.001, "a host's adapter; assumed"),
-    "grip": ("(ratio)", 0.25, "floors: coefficients of 0.4 to 1.0"),
+    "grip": ("(ratio)", 0.30 / ROOT3, "friction of a floor +-30 %; assumed"),
     "motors": ("(ratio)", 0.10 / ROOT3, "motors of one make: +-10 %"),
     STALL: ("(ratio)", 0.06, "whether a stall torque is told with friction or before it; assumed"),
     "gears": ("(ratio)", 0.15, "friction of one make, warm or cold; assumed"),
