@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from .case import Case
+from .case import Case, Hidden
+from .legged_case import LeggedHidden
 from .nuisances import bounds
 from .sizing import EDGE, noise_floor, rms
 
@@ -74,6 +75,11 @@ def left_of(case: Case, index: int) -> Left:
     def rest_at(units: Floats) -> Floats:
         return true - _moved(without, free, units).fitted_trace(channel)
 
+    return imitated(rest_at, free, floor)
+
+
+def imitated(rest_at: Callable[[Floats], Floats], free: Sequence[Free], floor: float) -> Left:
+    """What is left where a rest is least, with numbers as they are there."""
     low = np.array([(f.low - f.now) / f.step for f in free])
     high = np.array([(f.high - f.now) / f.step for f in free])
     at, rest = least(rest_at, low, high, floor)
@@ -115,10 +121,14 @@ def _free(case: Case) -> tuple[Free, ...]:
     for name, (low, high) in bounds(case.ground.rig.sheet.rated_voltage_v).items():
         now, half = float(getattr(case.nuisances, name)), 0.5 * (high - low)
         found.append(Free(name, now, low, high, half))
-    for i, part in enumerate((*case.ordinary, *case.hidden)):
+    return *found, *of_parts((*case.ordinary, *case.hidden))
+
+
+def of_parts(parts: Sequence[Hidden | LeggedHidden]) -> Iterator[Free]:
+    """Sizes of other parts."""
+    for i, part in enumerate(parts):
         high = min(PART_MOST * part.size, part.effect.most)
-        found.append(Free(f"{part.name}.size", part.size, EDGE, high, PART_STEP * part.size, i))
-    return tuple(found)
+        yield Free(f"{part.name}.size", part.size, EDGE, high, PART_STEP * part.size, i)
 
 
 def _moved(case: Case, free: Sequence[Free], units: Floats) -> Case:

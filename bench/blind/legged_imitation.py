@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .imitation import PART_MOST, PART_STEP, Free, Left, least
+from .imitation import Free, Left, imitated, of_parts
 from .legged_case import TOLERANCES, LeggedCase, LeggedHidden, droop_most_v_s
 from .legged_sizing import legged_floor, sized_on, tracks, walk
-from .sizing import EDGE, rms
 
 Floats = NDArray[np.float64]
 
@@ -43,11 +42,7 @@ def legged_left(case: LeggedCase, index: int) -> Left:
         )
 
     ends = [len(one) for one in true]
-    low = np.array([(f.low - f.now) / f.step for f in free])
-    high = np.array([(f.high - f.now) / f.step for f in free])
-    at, rest = least(rest_at, low, high, floor)
-    imitation = {f.name: f.value(units) for f, units in zip(free, at.tolist(), strict=True)}
-    return Left(rms(rest) / floor, imitation)
+    return imitated(rest_at, free, floor)
 
 
 def _shown(case: LeggedCase) -> list[Floats]:
@@ -74,9 +69,7 @@ def _free(case: LeggedCase) -> Iterator[Free]:
             yield Free(name, now, *ends, most)
     most = droop_most_v_s(case.scene)
     yield Free("droop_v_s", nuisances.droop_v_s, 0.0, most, 0.5 * most)
-    for k, part in enumerate((*case.ordinary, *case.hidden)):
-        high = min(PART_MOST * part.size, part.effect.most)
-        yield Free(f"{part.name}.size", part.size, EDGE, high, PART_STEP * part.size, k)
+    yield from of_parts((*case.ordinary, *case.hidden))
 
 
 def moved(case: LeggedCase, free: Sequence[Free], units: Floats) -> LeggedCase:

@@ -11,10 +11,8 @@ from __future__ import annotations
 import csv
 import json
 import os
-import signal
+import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,9 +26,10 @@ from bench.files import write_csv, write_json
 from bench.stages import stages
 from bench.starter import end_with_starter
 
+from .processes import Job, run
 from .table import COLUMNS
 
-FILE = "left.json"  #: by case and effect: floors that are left, and by what the rest is imitated
+FOLDER = "left"  #: by case: floors that are left of each effect, and by what the rest is imitated
 
 Key = Mapping[str, Any]
 
@@ -47,12 +46,6 @@ def drawn(key: Key) -> LeggedCase:
             "made it"
         )
     return case
-
-
-def _begin(parent: int) -> None:
-    """Make a process ready: it ends with the one that started it, and leaves Ctrl-C to that."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_starter(parent)
 
 
 def measure(key: Key) -> list[dict[str, Any]]:
@@ -83,13 +76,22 @@ def fill(folder: Path, left: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
     write_csv(path, COLUMNS, ([line.get(name, "") for name in COLUMNS] for line in lines))
 
 
+def _job(folder: Path, name: str) -> Job:
+    """A robot in a process of its own, which ends with this one."""
+    told = (sys.executable, "-m", "bench.proof.robots_left", str(folder), "--one", name)
+    return Job(name, told, folder / FOLDER / f"{name}.txt")
+
+
 app = typer.Typer(add_completion=False)
 
 
 @app.command()
 def main(
-    folder: Annotated[Path, typer.Argument(help="Folder of a proof whose keys were opened.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of a proof whose keys were opened.", resolve_path=True)
+    ],
     processes: Annotated[int, typer.Option(min=1, help="So many robots at a time.")] = 2,
+    one: Annotated[str | None, typer.Option(metavar="CASE", help="This robot alone.")] = None,
 ) -> None:
     """Measure what tolerances leave of the effects in opened robots, into cases.csv."""
     keys = wanted(folder)
@@ -97,30 +99,42 @@ def main(
         problem = "no keys of robots, or no cases.csv: name the folder of a proof that was opened"
         typer.echo(f"error: {folder}: {problem}", err=True)
         raise typer.Exit(1)
-    path = folder / FILE
-    left = json.loads(path.read_text("utf-8")) if path.exists() else {}
-    waiting = {name: key for name, key in keys.items() if name not in left}
-    pool = ProcessPoolExecutor(processes, get_context("spawn"), _begin, (os.getpid(),))
-    with stages() as say:
-        say(f"robots measured: {len(left)} of {len(keys)}")
-        jobs = {pool.submit(measure, key): name for name, key in waiting.items()}
+    (folder / FOLDER).mkdir(exist_ok=True)
+    paths = {name: folder / FOLDER / f"{name}.json" for name in keys}
+    if one is not None:
+        end_with_starter(os.getppid())
         try:
-            for job in as_completed(jobs):
-                left[jobs[job]] = job.result()
-                write_json(path, left)
-                say(f"robots measured: {len(left)} of {len(keys)}")
-        except ValueError as error:
+            write_json(paths[one], measure(keys[one]))
+        except (KeyError, ValueError) as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(1) from None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        return
+    waiting = [name for name, path in paths.items() if not path.exists()]
+    failed = []
+    with stages() as say:
+        done = len(keys) - len(waiting)
+        say(f"robots measured: {done} of {len(keys)}")
+        for ended in run((_job(folder, name) for name in waiting), processes):
+            if ended.code != 0:
+                failed.append(ended.job)
+                continue
+            ended.job.log.unlink()
+            done += 1
+            say(f"robots measured: {done} of {len(keys)}")
+    there = {name: path for name, path in paths.items() if path.exists()}
+    left = {name: json.loads(path.read_text("utf-8")) for name, path in there.items()}
     fill(folder, left)
-    for name, effects in sorted(left.items()):
+    for name, effects in left.items():
         shown = zip(keys[name]["effects"], effects, strict=True)
         told = ", ".join(
-            f"{one['effect']} {e['ratio']:.2g} of {one['ratio']:.2g}" for one, e in shown
+            f"{hidden['effect']} {e['ratio']:.2g} of {hidden['ratio']:.2g}" for hidden, e in shown
         )
         typer.echo(f"{name}  {told} floors")
+    for job in failed:
+        lines = job.log.read_text("utf-8", "replace").strip().splitlines() or ["it was ended"]
+        typer.echo(f"{job.name}: {lines[-1]} (all of it in {job.log})", err=True)
+    if failed:
+        raise typer.Exit(1)
 
 
 if __name__ == "__main__":

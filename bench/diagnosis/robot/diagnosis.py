@@ -165,7 +165,7 @@ class Work:
                 *limits(model, after, self.which, self.held_out),
                 *stand_in(ends),
                 *other_volts(volts),
-                *in_series(gain.name for gain in taken),
+                *in_series(causes),
                 *told(play is not None, shakes, shook, shaken),
             ),
             channels=self._channels(found, after),

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ..result import Cause
 from .causes import SERIES
 from .features import RobotKind
 from .fit import RobotFit
@@ -102,9 +103,11 @@ def stand_in(ends: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def in_series(names: Iterable[str]) -> tuple[str, ...]:
-    """What is to be said of springs of which joints see the sum."""
-    if not set(SERIES).intersection(names):
+def in_series(causes: Iterable[Cause]) -> tuple[str, ...]:
+    """What is to be said of a cause and a rival that are springs of which joints see the sum."""
+    springs = {name.partition("@")[0] for name in SERIES}
+    told = [{c.effect, r.effect} for c in causes for r in c.indistinguishable_from]
+    if springs not in told:
         return ()
     return (
         "feet that give and a ground that gives are springs in series under every foot, of which "

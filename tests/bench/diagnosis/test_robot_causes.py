@@ -108,10 +108,15 @@ def test_the_tip_of_one_leg_is_no_ground():
     assert not cause_of(search(), told, step[0], step[0].fit, 0.8, 12.0).indistinguishable_from
 
 
-def test_what_tells_springs_in_series_is_said_where_one_is_named():
-    for name in (OWN, GROUND):
-        assert "walk on another ground" in in_series([FAR, name])[0]
-    assert in_series([SAME, FAR]) == ()
+def test_what_tells_springs_in_series_is_said_where_they_stand_beside_each_other():
+    def named(*alike):
+        step = (gain(OWN, 600.0), gain(NEAR, 600.0))
+        told = SimpleNamespace(tried=(step,), taken=step[:1], alike={OWN: alike})
+        return cause_of(search(), told, step[0], step[0].fit, 0.8, 12.0)
+
+    assert "walk on another ground" in in_series([named(), named((GROUND, 0.96))])[0]
+    assert in_series([named(), named()]) == ()
+    assert in_series([]) == ()
 
 
 def test_the_next_experiment_is_sought_against_rivals_that_were_fitted():

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from bench.blind.case import Asked
 from bench.blind.legged_case import draw_legged, nuisance_document
-from bench.proof import robots_left
-from bench.proof.robots_left import FILE, app, drawn, fill, wanted
+from bench.proof.robots_left import FOLDER, app, drawn, fill, wanted
 from bench.proof.table import write_table
 from tests.bench.proof.judged_cases import hidden_in, judged, key, robot_diagnosis, robot_key
 
@@ -44,6 +43,12 @@ def proof(folder: Path) -> Path:
     return folder
 
 
+def keep(folder: Path, left: dict[str, list[dict[str, float]]]) -> None:
+    (folder / FOLDER).mkdir()
+    for name, effects in left.items():
+        (folder / FOLDER / f"{name}.json").write_text(json.dumps(effects), encoding="utf-8")
+
+
 def column(folder: Path) -> list[str]:
     with (folder / "cases.csv").open(encoding="utf-8") as file:
         return [line["ratio_left"] for line in csv.DictReader(file)]
@@ -65,7 +70,7 @@ def test_the_least_of_several_stands_in_the_table(tmp_path: Path) -> None:
 def test_what_is_measured_is_kept_and_told(tmp_path: Path) -> None:
     folder = proof(tmp_path)
     left = {"robot-1": [{"ratio": 0.5}], "robot-2": [{"ratio": 2.0}, {"ratio": 1.0}]}
-    (folder / FILE).write_text(json.dumps(left), encoding="utf-8")
+    keep(folder, left)
     told = CliRunner().invoke(app, [str(folder)])
     assert told.exit_code == 0
     assert "robot-1  payload 0.5 of 5 floors\n" in told.output
@@ -88,4 +93,17 @@ def test_a_folder_that_was_not_opened_is_refused(tmp_path: Path) -> None:
     proof(tmp_path)
     (tmp_path / "cases.csv").unlink()
     assert CliRunner().invoke(app, [str(tmp_path)]).exit_code == 1
-    assert not (tmp_path / robots_left.FILE).exists()
+    assert not (tmp_path / FOLDER).exists()
+
+
+def test_a_robot_that_cannot_be_measured_is_told_and_the_others_count(tmp_path: Path) -> None:
+    folder = proof(tmp_path)
+    other = null_key(seed=8, rig="marvin-walk", effects=[{"effect": "payload", "size": 0.5}])
+    (folder / "keys" / "robot-2.json").write_text(json.dumps(other), encoding="utf-8")
+    keep(folder, {"robot-1": [{"ratio": 0.5}]})
+    told = CliRunner().invoke(app, [str(folder)])
+    assert told.exit_code == 1
+    assert "robot-1  payload 0.5 of 5 floors\n" in told.stdout
+    assert "robot-2: error: robot-1: its seed draws another robot now" in told.stderr
+    assert column(folder) == ["0.5", "", ""]
+    assert not (folder / FOLDER / "robot-2.json").exists()
