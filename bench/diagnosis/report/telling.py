@@ -38,6 +38,10 @@ SUFFIXES = MappingProxyType({"s": "s", "kg": "kg", "hz": "Hz"})  #: of arguments
 ALWAYS = "torque_enable"  #: a register that is on in every experiment
 UNSEEN = "cannot be seen in these recordings"  #: of a parameter that is dead
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
+#: parameters that are a direction of an effect
+DIRECTIONS = MappingProxyType(
+    {"x_m": "x", "y_m": "y", "z_m": "z", "pitch_rad": "pitch", "roll_rad": "roll"}
+)
 
 
 def interval(estimate: Estimate) -> str:
@@ -52,8 +56,13 @@ def interval(estimate: Estimate) -> str:
 
 
 def named(cause: Cause) -> str:
-    """A cause with its place: ``backlash of arm``."""
-    return f"{plain(cause.effect)} of {in_few(cause.scope)}" if cause.scope else plain(cause.effect)
+    """A cause with its place, and its direction: ``backlash of arm``, ``com offset of trunk in y``.
+
+    Two directions of one effect are two causes of a whole robot.
+    """
+    told = f"{plain(cause.effect)} of {in_few(cause.scope)}" if cause.scope else plain(cause.effect)
+    along = [DIRECTIONS[name] for name in cause.parameters if name in DIRECTIONS]
+    return f"{told} in {along[0]}" if len(along) == 1 else told
 
 
 def judged_on(diagnosis: Diagnosis) -> str:

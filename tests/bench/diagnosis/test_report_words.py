@@ -1,7 +1,10 @@
 """Joints and legs in few words."""
 
+from types import SimpleNamespace
+
 import pytest
 
+from bench.diagnosis.report.telling import named
 from bench.diagnosis.report.words import in_few, number
 
 SEGMENTS = ("coxa", "femur", "tibia")
@@ -40,3 +43,18 @@ def test_many_joints_of_legs_are_told_in_few_words(names, told):
 )
 def test_numbers_of_thousands_are_told_as_people_write_them(value, told):
     assert number(value) == told
+
+
+@pytest.mark.parametrize(
+    ("parameters", "told"),
+    [
+        (["y_m"], "com offset of trunk in y"),
+        (["x_m", "z_m"], "com offset of trunk"),
+        (["mass_kg"], "com offset of trunk"),
+    ],
+)
+def test_a_cause_in_one_direction_is_told_with_it(parameters, told):
+    cause = SimpleNamespace(
+        effect="com_offset", scope=["trunk"], parameters=dict.fromkeys(parameters)
+    )
+    assert named(cause) == told
