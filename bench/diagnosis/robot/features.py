@@ -118,8 +118,9 @@ class Features:
             means = [b.mean(v)[f] for b, v, f in zip(bins, values, full, strict=True)]
             return np.concatenate(means)
 
+        walks = [b.bin >= 0 for b in bins]
         shaking = Shaking.of(
-            course.sample_s, lifted, [b.bin >= 0 for b in bins], course.quantum_rad
+            course.sample_s, course.position_rad, lifted, walks, course.quantum_rad
         )
         seen, volts = course.height, course.voltage
         height_bins = None if seen is None else _bins(phase, seen[0])

@@ -11,6 +11,7 @@ from .causes import SERIES
 from .features import RobotKind
 from .fit import RobotFit
 from .model import RobotModel
+from .shaking import SELDOM_S
 
 FAR = 3.0  #: deviations of its prior at which a tolerance is worth a word
 
@@ -45,7 +46,7 @@ def limits(
             "one load in all recordings that were fitted: what gives way under load and what "
             "is merely elsewhere are hard to tell apart; walk with a weight on the trunk"
         )
-    said += unread(model, range(len(model.features))) + without_gait(model)
+    said += unread(model, range(len(model.features))) + without_gait(model) + seldom(model)
     if not held_out:
         said.append("no recording was held out: what is named was judged on what was fitted")
     far = [
@@ -70,6 +71,19 @@ def without_gait(model: RobotModel) -> tuple[str, ...]:
         f"rest, is chance, here {chance_rad * 1e3:.1f} mrad within tolerances; a weak motor, a low "
         "gain and a heavy trunk look alike there, so that a robot may be called consistent that is "
         "not: let it walk",
+    )
+
+
+def seldom(model: RobotModel) -> tuple[str, ...]:
+    """What is to be said of recordings of too few samples to see joints shake."""
+    few = [f for f in model.features if f.phase and not np.isfinite(f.shaken).any()]
+    if not few:
+        return ()
+    waits = np.concatenate([np.diff(t) for f in few for t in f.course.sample_s])
+    return (
+        f"joints of {', '.join(f.course.name for f in few)} were read {np.median(waits) * 1e3:.0f} "
+        f"ms apart: by how much they shake is not seen, and so is play; {SELDOM_S * 1e3:.0f} ms "
+        "show it, as one packet for several servos allows",
     )
 
 

@@ -20,10 +20,14 @@ Bools = NDArray[np.bool_]
 #: replays of walks by two other engines, without play: kinds of joints are up to 0.02 off, and 0.04
 #: where sensors have a quarter of a count of noise
 ENGINES_SHAKING = 0.03
+#: between two samples [s], beyond which differences are the motion's: two engines differ by 0.01 to
+#: 0.04 about a row of samples 22 to 34 ms apart, by 0.1 at 83 and 90 ms (measured of robots of a third)
+SELDOM_S = 0.05
 EVEN = 1.5  #: times the usual wait between two samples, beyond which a difference says nothing
-#: differences that are left out, as wrong packets make such: no play throws a joint farther, and of
-#: the others a share of the largest
+#: differences that are left out where they were recorded, as wrong packets make such: no play throws
+#: a joint farther; and of the others a share of the largest
 GLITCH_RAD, GLITCHES = 0.1, 0.02
+MOVES = 0.1  #: share of a row that would be left out from which it is the motion itself: no row
 BESIDE = 1.0  #: count beside which joints shake: a sensor may have a quarter of noise, or none
 PHASES = ("stance", "swing")
 
@@ -32,7 +36,8 @@ PHASES = ("stance", "swing")
 class Shaking:
     """Of every joint, of each three samples the middle one's time [s], and its phase.
 
-    ``phase`` counts :data:`PHASES`, -1 where samples are uneven or the robot does not walk yet.
+    ``phase`` counts :data:`PHASES`, -1 where samples are uneven or wrong, the robot does not walk yet,
+    or samples are so far apart that it moves as far as no play throws it.
     """
 
     t_s: tuple[Floats, ...]
@@ -43,17 +48,19 @@ class Shaking:
     def of(
         cls,
         sample_s: Sequence[Floats],
+        angle_rad: Sequence[Floats],
         lifted: Sequence[Bools],
         steady: Sequence[Bools],
         quantum_rad: float,
     ) -> Shaking:
         """From joints' samples, whether their legs are told to swing then, and robots walk."""
         phases = []
-        for t, up, walks in zip(sample_s, lifted, steady, strict=True):
+        for t, angle, up, walks in zip(sample_s, angle_rad, lifted, steady, strict=True):
             waits = np.diff(t)
             usual = np.median(waits) if len(waits) else 0.0
-            even = np.maximum(waits[1:], waits[:-1]) < EVEN * usual
-            phases.append(np.where(even & walks[1:-1], up[1:-1].astype(np.intp), -1))
+            even = (np.maximum(waits[1:], waits[:-1]) < EVEN * usual) & (usual <= SELDOM_S)
+            phase = np.where(even & walks[1:-1], up[1:-1].astype(np.intp), -1)
+            phases.append(_without_wrong(phase, np.abs(np.diff(angle, 2)) >= GLITCH_RAD))
         return cls(tuple(t[1:-1] for t in sample_s), tuple(phases), quantum_rad)
 
     def rows(
@@ -69,9 +76,18 @@ class Shaking:
             apart = np.diff(np.round(angle / self.quantum_rad), 2)
             squares = apart**2 / 6.0
             inside = (t >= span[0]) & (t <= span[1])
-            inside &= np.abs(apart) * self.quantum_rad < GLITCH_RAD
             found += [_log(squares[inside & (phase == k)]) for k in range(len(PHASES))]
         return np.array(found)
+
+
+def _without_wrong(phase: NDArray[np.intp], far: Bools) -> NDArray[np.intp]:
+    """Phases without what wrong packets make, and none of which the motion is as large."""
+    kept = np.where(far, -1, phase)
+    for k in range(len(PHASES)):
+        own = phase == k
+        if far[own].sum() >= MOVES * own.sum():
+            kept[own] = -1
+    return kept
 
 
 def _log(squares: Floats) -> float:

@@ -13,10 +13,11 @@ from bench.diagnosis.robot import rattling as robot_rattling
 from bench.diagnosis.robot.features import Features
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import NEEDED, RobotGain
+from bench.diagnosis.robot.limits import seldom
 from bench.diagnosis.robot.rattling import SHAKEN_APART_NATS, Rattling, ShakingSearch, told
 from bench.diagnosis.robot.replay import play
 from bench.diagnosis.robot.search import RobotSearch
-from bench.diagnosis.robot.shaking import ENGINES_SHAKING, by_kind
+from bench.diagnosis.robot.shaking import ENGINES_SHAKING, Shaking, by_kind
 from bench.diagnosis.robot.sought import SPRINGS
 from bench.diagnosis.robot.steps import BESIDE, HELD_OUT, PROMISED
 from sim.effects import effect
@@ -91,6 +92,35 @@ def test_samples_after_a_gap_are_left_out():
     )
     apart = by_kind(JOINTS, features.shaken - full.shaken)
     assert max(map(abs, apart.values())) < 2.0 * ENGINES_SHAKING
+
+
+def test_joints_that_are_read_seldom_show_none():
+    """Nine samples a second: what differs from one to the next is how the robot moves."""
+    kept = replace(
+        walked(),
+        sample_s=tuple(t[::9] for t in walked().sample_s),
+        wait_s=tuple(w[::9] for w in walked().wait_s),
+        position_rad=tuple(x[::9] for x in walked().position_rad),
+    )
+    few = Features.of(kept, marvin())
+    assert np.isnan(few.shaken).all()
+    (said,) = seldom(SimpleNamespace(features=[few]))
+    assert said.startswith(f"joints of {kept.name} were read ")
+    assert "ms apart" in said
+    assert seldom(SimpleNamespace(features=[Features.of(walked(), marvin())])) == ()
+
+
+@pytest.mark.parametrize(("recorded_rad", "modelled_rad"), [(0.9, 0.1), (0.1, 0.9)])
+def test_recorded_and_modelled_shaking_are_told_of_the_same_instants(recorded_rad, modelled_rad):
+    """A wide motion is no wrong packet, and what a model makes of a row is a number if that is."""
+    t = np.arange(0.0, 6.0, 0.04)
+    turning = np.sin(2.0 * np.pi * 1.5 * t)
+    every = np.ones(len(t), bool)
+    shaking = Shaking.of((t,), (recorded_rad * turning,), (~every,), (every,), 0.001)
+    recorded, modelled = (
+        shaking.rows((size * turning,))[0] for size in (recorded_rad, modelled_rad)
+    )
+    assert np.isfinite(recorded) == np.isfinite(modelled) == (recorded_rad < modelled_rad)
 
 
 OFF = RobotFit((), np.zeros(0), {}, 0.0)
