@@ -24,7 +24,7 @@ Rows = dict[RobotKind, Floats]
 GRID = (0.3, 1.0, 3.0, 8.0)  #: of a knob, in first tries, at which an effect is replayed
 FARTHER = 2.5  #: times the last of them that is replayed next, where a fit has come to the end
 LARGER = 8.0  #: times a first try that moves nothing, which is tried next
-NEAR = 0.1  #: step to either side for how steep a curve is, of a knob or its value
+NEAR = 0.3  #: step to either side for how steep a curve is, of a knob or its value: less is rough
 BENT = 5.0  #: such steps as far as which that is believed
 LEAST_RAD = 0.3e-3  #: RMS of joint rows below which it moves nothing that one could compare
 

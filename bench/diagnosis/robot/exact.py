@@ -7,7 +7,7 @@ that, until nothing is gained.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from ..noise import Noise
 from .features import MEANS, RobotKind
 from .fit import ENOUGH, RobotFit, Sight
 from .model import RobotModel
+from .weighing import BEGINS, HOLDS
 
 Floats = NDArray[np.float64]
 
@@ -24,8 +25,6 @@ WIDENED = 3  #: times at most that a curve is made longer for a fit
 SHARES = (1.0, 0.6, 0.3, 0.1)  #: of the way that a fit would go, of which the best is gone
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 REFINED = 3  #: times at most that what nuisances do is taken anew where a fit has led
-#: nuisances, most of all trials, of which a fit that begins does not ask again what they do
-LAST = ("zero",)
 WORTH = 5.0  #: gain [nats] of the first of them from which there is another
 
 
@@ -66,12 +65,12 @@ class ExactFits:
     ) -> RobotFit:
         """An exact fit that begins with all as believed (or ``nuisances``) but for its effects.
 
-        What nuisances do is taken there, but for zeros of joints, and left so.
+        What nuisances do is taken there, roughly, and left so.
         """
         ordinary = np.zeros(len(self.model.nuisances)) if nuisances is None else nuisances
         z = np.clip(np.concatenate([ordinary, knobs]), *self.sight.box(names))
         at = RobotFit(tuple(names), z, noise or {}, np.inf)
-        self.around(at, LAST)
+        self.around(at, BEGINS)
         return self.settle(self.fitted(at.names, at.z, noise))
 
     def settle(self, found: RobotFit, begun: RobotFit | None = None) -> RobotFit:
@@ -121,9 +120,9 @@ class ExactFits:
                 break
         return settled
 
-    def around(self, found: RobotFit, but: Collection[str] = ()) -> None:
-        """Let the model be exact at a fit, and know what nuisances do there, ``but`` for some."""
-        self.model.retrace(found.settings, found.nuisances, but)
+    def around(self, found: RobotFit, holds: float = HOLDS) -> None:
+        """Let the model be exact at a fit, and know what nuisances do there, as far as it holds."""
+        self.model.retrace(found.settings, found.nuisances, holds)
         self.model.recentre(found.settings, found.nuisances, self.which)
 
     def replayed(self, found: RobotFit) -> RobotFit:

@@ -76,7 +76,8 @@ def without_gait(model: RobotModel) -> tuple[str, ...]:
 
 def seldom(model: RobotModel) -> tuple[str, ...]:
     """What is to be said of recordings of too few samples to see joints shake."""
-    few = [f for f in model.features if f.phase and not np.isfinite(f.shaken).any()]
+    walks = (f for f in model.features if f.phase is not None)
+    few = [f for f in walks if not np.isfinite(f.shaken).any()]
     if not few:
         return ()
     waits = np.concatenate([np.diff(t) for f in few for t in f.course.sample_s])

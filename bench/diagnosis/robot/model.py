@@ -30,11 +30,11 @@ from .pool import Job, Outcome, Replays
 from .replay import Course
 from .shaking import ENGINES_SHAKING
 from .spread import of_starts, of_tolerances
+from .weighing import HOLDS, Settings, Shown, Weighing
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Progress = Callable[[str], None]
-Settings = tuple[tuple[str, float], ...]  #: placed effects and values of their knobs
 RobotBlocks = dict[tuple[int, RobotKind], Block]
 
 RATTLES = 3  #: replays with other starts of a robot whose teeth have play, of which means count
@@ -107,7 +107,7 @@ class RobotModel:
             without = {*without, PUNCH}
         if all("torque_constant_nm_a" in drive for drive in robot.document["drive"].values()):
             without = {*without, STALL}
-        self._trials = [t for t in trials(base) if t.name.split()[0] not in without]
+        some = [trial for trial in trials(base) if trial.name.split()[0] not in without]
         self.nuisances: tuple[RobotNuisance, ...] = tuple(
             n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without
         )
@@ -133,7 +133,7 @@ class RobotModel:
         say("replaying from slightly other starts")
         self.spread = of_starts(self._plain, self._run)
         say("replaying with what is never exactly as believed")
-        self._shown: dict[tuple[int, str], Rows] = {}  #: what trials do to motions, for one unit
+        self._weighing = Weighing(some, self.features, self._run)
         self.traces = self._traces(nothing, ())
         self._chance = of_tolerances(self, list(self._plain), self._run)
         for m, square in self._chance.items():
@@ -160,43 +160,26 @@ class RobotModel:
         return spread | {RobotKind.JOINTS: own + spread[RobotKind.JOINTS]}
 
     def retrace(
-        self, settings: Sequence[tuple[str, float]], z: Floats, but: Collection[str] = ()
+        self, settings: Sequence[tuple[str, float]], z: Floats, holds: float = HOLDS
     ) -> None:
         """Take what nuisances and knobs do from replays around them where a fit has led.
 
-        The same small things move a robot otherwise that is changed much. What those do whose first
-        word is in ``but`` stays as it was taken last. Play is left out: when teeth rattle is
-        chance, and beside small things that is what one would see.
+        The same small things move a robot otherwise that is changed much (``holds``: how much).
+        Play is left out: when teeth rattle is chance, and beside small things one would see that.
         """
         quiet, there = self._told([(name, x) for name, x in settings if not is_play(name)], z)
-        self.traces = self._traces(quiet, there, but)
+        self.traces = self._traces(quiet, there, holds)
         self.curves.bend(quiet, there, sorted(set(self.like)))
 
     def _traces(
-        self, settings: Settings, at: tuple[float, ...], but: Collection[str] = ()
+        self, settings: Settings, at: tuple[float, ...], holds: float = HOLDS
     ) -> list[Rows]:
         """By recording and kind: rows x nuisances, each for one deviation of its prior."""
-        motions = sorted(set(self.like))
-        some = [trial for trial in self._trials if trial.name.split()[0] not in but]
-        jobs = [
-            Job(m, settings, trial=name, nuisances=at, short=True)
-            for m in motions
-            for name in ("", *(trial.name for trial in some))
-        ]
-        found = iter(self._run(jobs))
         traces = {}
-        for m in motions:
-            middle = next(found)
-            for trial in some:
-                rows = next(found)
-                self._shown[m, trial.name] = {
-                    kind: (rows[kind] - base) / trial.size for kind, base in middle.items()
-                }
-            columns = [self._trace(m, nuisance) for nuisance in self.nuisances]
-            traces[m] = {
-                kind: np.nan_to_num(np.stack([column[kind] for column in columns], axis=1))
-                for kind in middle
-            }
+        for m in sorted(set(self.like)):
+            known = self._weighing.known(m, settings, at, holds)
+            columns = [self._trace(m, nuisance, known) for nuisance in self.nuisances]
+            traces[m] = {kind: np.stack([c[kind] for c in columns], axis=1) for kind in columns[0]}
         return [self._read(self._of(r, traces[m]), r) for r, m in enumerate(self.like)]
 
     def _rows_in(self, m: int, r: int) -> Mapping[RobotKind, Ints]:
@@ -221,13 +204,13 @@ class RobotModel:
                 own[RobotKind.JOINTS][:, k] = nuisance.deviation * np.nan_to_num(rows)
         return own
 
-    def _trace(self, m: int, nuisance: RobotNuisance) -> Rows:
+    def _trace(self, m: int, nuisance: RobotNuisance, shown: Shown) -> Rows:
         features = self.features[m]
         own = np.ones(len(features.bin), bool)
         if nuisance.joint:
             own = features.joint_row == self._joints.index(nuisance.joint)
         if nuisance.trial:
-            rows = self._shown[m, nuisance.trial]
+            rows = shown[nuisance.trial]
         else:
             rows = {kind: np.zeros_like(base) for kind, base in self._plain[m].items()}
             rows[RobotKind.JOINTS] = np.ones(len(features.bin))

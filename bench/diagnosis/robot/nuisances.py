@@ -39,11 +39,12 @@ Change = Callable[[PhysicalRobot, float], PhysicalRobot]
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A replay with one thing changed by ``size`` (in ``unit``); ``joint``: of one joint alone."""
+    """One thing that can be changed, by ``size`` or a share of it; ``one_way``: not by less."""
 
     name: str
     size: float
     change: Change
+    one_way: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,10 +352,10 @@ def _changes(robot: PhysicalRobot) -> list[Trial]:
     found.append(Trial("supply", 0.03, _supply))
     found.append(Trial("gain", 0.05, _of_all(_gain)))
     found.append(Trial("motors", 0.06, _of_all(_torque)))
-    found.append(Trial(STALL, -0.05, _of_effect(STALL, "scale", (), over=1.0)))
+    found.append(Trial(STALL, -0.05, _of_effect(STALL, "scale", (), over=1.0), one_way=True))
     found.append(Trial("gears", 0.2, _of_all(_friction)))
-    found.append(Trial(PUNCH, 0.5, _of_all(_punch)))
-    found.append(Trial(LATE, 0.002, later))
-    found.append(Trial(TIPS, 2e-5, _tips))
+    found.append(Trial(PUNCH, 0.5, _of_all(_punch), one_way=True))
+    found.append(Trial(LATE, 0.002, later, one_way=True))
+    found.append(Trial(TIPS, 2e-5, _tips, one_way=True))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
     return found

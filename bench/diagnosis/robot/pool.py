@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A replay: of a recording, with effects at values of their knobs, a trial, another start.
+    """A replay: of a recording, with effects at values of their knobs, trials, another start.
 
     ``nuisances`` are values of deviations, of all or of none. ``short``: only of a few cycles of
     the gait, where there is one.
@@ -37,7 +37,7 @@ class Job:
 
     recording: int
     effects: tuple[tuple[str, float], ...] = ()  #: placed effect and ``z``
-    trial: str = ""
+    trials: tuple[tuple[str, float], ...] = ()  #: name and how much of its size
     nuisances: tuple[float, ...] = ()
     jitter: int = 0  #: seed; 0 is the plain start
     short: bool = False
@@ -90,9 +90,9 @@ class _Bench:
             robot = placed.apply(robot, placed.knob.value(z))
         if job.nuisances:
             robot = with_nuisances(robot, self.nuisances, job.nuisances)
-        if job.trial:
-            trial = self.trials[job.trial]
-            robot = trial.change(robot, trial.size)
+        for name, share in job.trials:
+            trial = self.trials[name]
+            robot = trial.change(robot, share * trial.size)
         try:
             jitter = Jitter(job.jitter) if job.jitter else None
             track = play(robot, found.course, jitter, found.span if job.short else None)

@@ -20,12 +20,12 @@ Bools = NDArray[np.bool_]
 #: replays of walks by two other engines, without play: kinds of joints are up to 0.02 off, and 0.04
 #: where sensors have a quarter of a count of noise
 ENGINES_SHAKING = 0.03
-#: between two samples [s], beyond which differences are the motion's: two engines differ by 0.01 to
-#: 0.04 about a row of samples 22 to 34 ms apart, by 0.1 at 83 and 90 ms (measured of robots of a third)
+#: between two samples [s], beyond which differences are the motion's. Measured of robots of a third
+#: engine: rows of samples 22 to 34 ms apart are 0.01 to 0.04 off, of 83 and 90 ms 0.1
 SELDOM_S = 0.05
 EVEN = 1.5  #: times the usual wait between two samples, beyond which a difference says nothing
-#: differences that are left out where they were recorded, as wrong packets make such: no play throws
-#: a joint farther; and of the others a share of the largest
+#: differences that are left out where they were recorded, as wrong packets make such: no play
+#: throws a joint farther; and of the others a share of the largest
 GLITCH_RAD, GLITCHES = 0.1, 0.02
 MOVES = 0.1  #: share of a row that would be left out from which it is the motion itself: no row
 BESIDE = 1.0  #: count beside which joints shake: a sensor may have a quarter of noise, or none
@@ -36,8 +36,8 @@ PHASES = ("stance", "swing")
 class Shaking:
     """Of every joint, of each three samples the middle one's time [s], and its phase.
 
-    ``phase`` counts :data:`PHASES`, -1 where samples are uneven or wrong, the robot does not walk yet,
-    or samples are so far apart that it moves as far as no play throws it.
+    ``phase`` counts :data:`PHASES`, -1 where samples are uneven or wrong, the robot does not walk
+    yet, or samples are so far apart that it moves as far as no play throws it.
     """
 
     t_s: tuple[Floats, ...]

@@ -54,7 +54,7 @@ class Pairing(RobotSearch):
     def settle(self, found, begun=None):
         return replace(found, cost=-self.settled)
 
-    def around(self, found, but=()):
+    def around(self, found):
         self.last = found
 
     def _left_out(self, found):

@@ -10,7 +10,7 @@ import pytest
 
 from bench.diagnosis.joint.nuisances import SHARE
 from bench.diagnosis.robot.effects import placed_effects
-from bench.diagnosis.robot.exact import LAST, REFINED, SHARES, WORTH, ExactFits
+from bench.diagnosis.robot.exact import BEGINS, REFINED, SHARES, WORTH, ExactFits
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, NEEDED, RobotGain
 from bench.diagnosis.robot.nuisances import COMMON, SAME, RobotNuisance, nuisances
@@ -394,8 +394,8 @@ class Beginning(RobotSearch):
     def __init__(self):
         self.model = SimpleNamespace(
             nuisances=[None, None],
-            retrace=lambda settings, z, but: self.done.append(
-                ("traces", settings, z.tolist(), but)
+            retrace=lambda settings, z, holds: self.done.append(
+                ("traces", settings, z.tolist(), holds)
             ),
             recentre=lambda settings, z, which: self.done.append(("replay", settings, z.tolist())),
             following=nullcontext,
@@ -423,7 +423,7 @@ def test_a_hypothesis_begins_as_believed_or_where_it_is_told(nuisances, there):
     found = search.begun(("a@all",), np.array([1.5]), None, nuisances)
     at = (("a@all", 1.5),)
     assert found.settings == at
-    traced = ("traces", at, there, LAST)
+    traced = ("traces", at, there, BEGINS)
     assert search.done == [traced, ("replay", at, there), ("fit", [*there, 1.5])]
 
 

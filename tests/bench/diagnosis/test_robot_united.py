@@ -32,7 +32,7 @@ class Uniting(RobotSearch):
         self.asked.append((dict(zip(names, knobs, strict=True)), nuisances.tolist()))
         return RobotFit(tuple(names), np.append(nuisances, knobs), noise, -100.0 + self.more)
 
-    def around(self, found, but=()):
+    def around(self, found):
         self.last = found
 
 

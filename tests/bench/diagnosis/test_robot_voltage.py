@@ -180,7 +180,8 @@ def test_all_recordings_together_tell_a_voltage_once(model, recordings):
 @pytest.mark.parametrize("recorded", [False, True])
 def test_the_report_says_that_nobody_read_a_voltage(recorded):
     floors = {RobotKind.VOLTAGE: 0.05} if recorded else {}
-    features = [SimpleNamespace(course=SimpleNamespace(condition={}, sample_s=()), phase=object())]
+    told = SimpleNamespace(condition={}, sample_s=())
+    features = [SimpleNamespace(course=told, phase=object(), shaken=np.zeros(1))]
     base = SimpleNamespace(joints=())
     model = SimpleNamespace(floors=lambda: floors, features=features, nuisances=(), base=base)
     said = " ".join(limits(model, SimpleNamespace(nuisances=np.empty(0)), [0], held_out=True))
