@@ -1,7 +1,7 @@
 """What is never exactly as the operator of a whole robot believes, and is no finding.
 
 Nuisances are small, so their traces add up: each is one trace a unit of its prior's deviation,
-replayed once (or told by the replay itself), and every hypothesis may turn it under its prior.
+weighed together (or told by the replay itself), and every hypothesis may turn it under its prior.
 Joints differ from each other, and all together from what a data sheet says of their make. What
 makes a joint soft or stiff acts on that joint's own error first, so one replay with all joints of a
 kind changed gives the traces of each of them.

@@ -36,11 +36,14 @@ HOLDS, BEGINS = 0.25, 0.4
 def levels(trials: Sequence[Trial]) -> Floats:
     """How much of each trial's size (columns) every replay has (rows), in an order of no meaning.
 
-    What goes one way only is there in half of them.
+    What goes one way only is there in half of them. Every replay has its opposite, so that what two
+    things do together, as a punch in a weak motor, counts as neither (E. P. Box and J. S. Hunter,
+    The 2^(k-p) fractional factorial designs, 1961).
     """
-    signs = _orthogonal(len(trials) + 1)[:, 1 : len(trials) + 1]
+    half = _orthogonal(len(trials) + 1)[:, 1 : len(trials) + 1]
+    signs = np.concatenate([half, -half])
     one_way = np.array([trial.one_way for trial in trials])
-    found: Floats = np.where(one_way, 0.5 * (signs + 1.0), LEVEL * signs)
+    found: Floats = LEVEL * np.where(one_way, 0.5 * (signs + 1.0), signs)
     return found[np.random.default_rng(3).permutation(len(found))]
 
 

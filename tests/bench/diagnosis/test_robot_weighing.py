@@ -33,20 +33,23 @@ def true_traces(count):
 def test_half_of_the_replays_have_a_thing_one_way_and_no_two_things_go_together(count):
     found = levels(trials(count))
     assert set(np.unique(found)) == {-LEVEL, LEVEL}
-    assert count < len(found) <= max(4, count + 8)
+    assert 2 * count < len(found) <= 2 * max(4, count + 8)
+    assert {tuple(-row) for row in found.tolist() for row in [np.array(row)]} == set(
+        map(tuple, found.tolist())
+    )
     assert found.sum(axis=0) == pytest.approx(0.0)
     assert found.T @ found == pytest.approx(len(found) * LEVEL**2 * np.eye(count))
 
 
 def test_what_goes_one_way_is_there_or_not():
     found = levels(trials(5, one_way=(2,)))
-    assert set(np.unique(found[:, 2])) == {0.0, 1.0}
-    assert found[:, 2].mean() == 0.5
+    assert set(np.unique(found[:, 2])) == {0.0, LEVEL}
+    assert found[:, 2].mean() == 0.5 * LEVEL
     assert set(np.unique(np.delete(found, 2, axis=1))) == {-LEVEL, LEVEL}
 
 
 def test_things_that_are_weighed_together_are_told_better_than_one_by_one():
-    """With as many replays: the roughness of two of them is half of what each thing does."""
+    """With twice as many replays: the roughness of two is half of what each thing does."""
     weights, true = levels(trials(42)), true_traces(42)
     told = weighed(weights, replays(weights, true, 0.35))
     together = np.array([trace[KIND] for trace in told])
@@ -55,6 +58,15 @@ def test_things_that_are_weighed_together_are_told_better_than_one_by_one():
     apart, alone = (np.std(found - true) for found in (together, one_by_one))
     assert apart < 0.4 * alone
     assert np.corrcoef(together.ravel(), true.ravel())[0, 1] > 0.97
+
+
+def test_what_two_things_do_together_is_neither_of_them():
+    weights, true = levels(trials(20)), true_traces(20)
+    some = replays(weights, true, 0.0)
+    for w, rows in zip(weights, some, strict=True):
+        rows[KIND] = rows[KIND] + 9.0 * w[2] * w[5] * true[0]
+    told = np.array([trace[KIND] for trace in weighed(weights, some)])
+    assert told == pytest.approx(true, abs=1e-9)
 
 
 def test_replays_that_the_engine_could_not_run_are_left_out():
@@ -172,6 +184,6 @@ def test_what_is_told_is_for_one_unit_of_a_trial():
         return [{KIND: np.full(4, 3.0 * dict(job.trials)["thing 0"])} for job in jobs]
 
     large = Trial("thing 0", 5.0, lambda robot, x: robot)
-    assert len(whole) == 4
+    assert len(whole) == 8
     shown = Weighing([large], [motion], run).known(0, HERE, ())
     assert shown["thing 0"][KIND] == pytest.approx(3.0 / 5.0)
