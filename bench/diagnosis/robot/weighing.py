@@ -3,7 +3,7 @@
 Where a foot sticks and where it slips hangs on everything, so that two replays of nearly one robot
 differ by more than what was changed. Changed one by one, each thing is told by one replay, and has
 the roughness of that one and of the plain one. Changed all at once, by a design whose columns are
-orthogonal, each is told by all replays at no more cost. Sources: H. Hotelling, Some improvements in
+orthogonal, each is told by all replays. Sources: H. Hotelling, Some improvements in
 weighing and other experimental techniques, 1944; R. E. A. C. Paley, On orthogonal matrices, 1933.
 """
 
@@ -37,7 +37,7 @@ def levels(trials: Sequence[Trial]) -> Floats:
     """How much of each trial's size (columns) every replay has (rows), in an order of no meaning.
 
     What goes one way only is there in half of them. Every replay has its opposite, so that what two
-    things do together, as a punch in a weak motor, counts as neither (E. P. Box and J. S. Hunter,
+    things do together, as a punch in a weak motor, counts as neither (G. E. P. Box and J. S. Hunter,
     The 2^(k-p) fractional factorial designs, 1961).
     """
     half = _orthogonal(len(trials) + 1)[:, 1 : len(trials) + 1]
