@@ -37,8 +37,8 @@ def levels(trials: Sequence[Trial]) -> Floats:
     """How much of each trial's size (columns) every replay has (rows), in an order of no meaning.
 
     What goes one way only is there in half of them. Every replay has its opposite, so that what two
-    things do together, as a punch in a weak motor, counts as neither (G. E. P. Box and J. S. Hunter,
-    The 2^(k-p) fractional factorial designs, 1961).
+    things do together, as a punch in a weak motor, counts as neither. Source: G. E. P. Box and
+    J. S. Hunter, The 2^(k-p) fractional factorial designs, 1961.
     """
     half = _orthogonal(len(trials) + 1)[:, 1 : len(trials) + 1]
     signs = np.concatenate([half, -half])
