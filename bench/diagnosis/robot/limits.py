@@ -78,11 +78,12 @@ def seldom(model: RobotModel) -> tuple[str, ...]:
     """What is to be said of recordings of too few samples to see joints shake."""
     walks = (f for f in model.features if f.phase is not None)
     few = [f for f in walks if not np.isfinite(f.shaken).any()]
-    if not few:
+    waits = [np.diff(t) for f in few for t in f.course.sample_s]
+    usual_s = float(np.median(np.concatenate(waits))) if waits else 0.0
+    if usual_s <= SELDOM_S:  # else it is the motion that is as large as wrong packets make it
         return ()
-    waits = np.concatenate([np.diff(t) for f in few for t in f.course.sample_s])
     return (
-        f"joints of {', '.join(f.course.name for f in few)} were read {np.median(waits) * 1e3:.0f} "
+        f"joints of {', '.join(f.course.name for f in few)} were read {usual_s * 1e3:.0f} "
         f"ms apart: by how much they shake is not seen, and so is play; {SELDOM_S * 1e3:.0f} ms "
         "show it, as one packet for several servos allows",
     )
