@@ -18,7 +18,14 @@ from sim.robot import PhysicalRobot
 from ..journal import Journal
 from ..knobs import SEEN, joint_effects, of_drive
 from ..observed import Observed
-from ..result import Cause, Diagnosis, FitSummary, beside_rest, verdict_of
+from ..result import (
+    Cause,
+    Diagnosis,
+    FitSummary,
+    NextExperiment,
+    beside_rest,
+    verdict_of,
+)
 from ..watch import Watch
 from .beginning import begun
 from .contradiction import supply_contradiction
@@ -102,7 +109,7 @@ def diagnose_joint(
     start_blocks, floor, floors = view.start, view.floor, view.floors
     tell = watch.tell
     after, taken, effects = settled.after, settled.taken, settled.effects
-    found, nexts = [], []
+    found, nexts = [], dict[str, list[NextExperiment]]()
     for gain in taken:
         probability, close, fits, without = (
             contemporaries(model, after, gain, settled.confirmed)
@@ -113,7 +120,7 @@ def diagnose_joint(
         fits = {rival.effect: fits[rival.effect] for rival in close if rival.effect in fits}
         if fits and not watch.late:
             tell(f"what would tell {gain.effect} from its rivals")
-            nexts += next_experiments(model, after, fits, gain.inflation)
+            nexts[gain.effect] = next_experiments(model, after, fits, gain.inflation)
         found.append((gain, without, probability, close))
     if len(taken) > 1:
         taken = beside_others(model, after, [(one[0], one[1]) for one in found], floors)
@@ -154,7 +161,7 @@ def diagnose_joint(
     diagnosis = Diagnosis(
         verdict=verdict,
         mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
-        causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
+        causes=_surest(causes),
         fit=FitSummary(
             before=rms_of(judge, before),
             after=rms_of(judge, after),
@@ -163,7 +170,7 @@ def diagnose_joint(
             recordings=tuple(o.name for o in (judged or observed)),
         ),
         unexplained=_unexplained(judge, rest, floor, seed) if structured else (),
-        next_experiment=tuple(nexts),
+        next_experiment=tuple(n for cause in _surest(causes) for n in nexts.get(cause.effect, ())),
         limits=(
             *_limits(model, after, {kind for _, kind in start_blocks}, watch),
             *((AFTER_ALL.format(", ".join(sorted(added))),) if added else ()),
@@ -208,6 +215,11 @@ def diagnose_joint(
         },
     )
     return JointFindings(diagnosis, model, before, after, judge)
+
+
+def _surest(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Causes in the order they are told in."""
+    return tuple(sorted(causes, key=lambda cause: -cause.held_out_gain_nats))
 
 
 def _hunting(judge: JointModel, before: Fit, after: Fit) -> tuple[str, ...]:

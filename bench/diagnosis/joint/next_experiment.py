@@ -1,13 +1,15 @@
 """Which experiment would tell two explanations apart.
 
 Both are run through every experiment of a menu. What tells them apart is how far their predictions
-lie from each other once the nuisances have done what they can to bring them together, in units of
-the noise (Hunter and Reiner, Technometrics 7, 1965). The power is the chance that the likelier of
-the two is then the true one.
+lie from each other, in units of the noise (Hunter and Reiner, Technometrics 7, 1965), once the
+rival has done what it can to follow: its own size and all nuisances, as far as the recordings that
+there are let them (Atkinson and Fedorov, Biometrika 62, 1975). The power is the chance that the
+likelier of the two is then the true one.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
@@ -20,6 +22,7 @@ from busemu.tables import ControlTable
 from sim.drive import fields
 from sim.rollout import Replay
 
+from ..noise import huber_weight
 from ..observed import Channel, Observed, Samples
 from ..result import NextExperiment
 from .fit import Fit, linearise, whitened
@@ -123,51 +126,76 @@ def _imagined(model: JointModel, like: Observed, plan: ExperimentPlan, gain: flo
 def next_experiments(
     model: JointModel, named: Fit, rivals: Mapping[str, Fit], inflation: float
 ) -> list[NextExperiment]:
-    """The best experiment against every rival of a named hypothesis."""
+    """Experiments that tell a named hypothesis from its rivals: first that from all of them."""
     if not rivals:
         return []
     choices = menu(model)
-    seen = [c.observed for c in choices]
-    imagined = JointModel(model.base, model.robot, seen, sprung=model.sprung)
-    found = []
+    imagined = JointModel(
+        model.base, model.robot, [c.observed for c in choices], sprung=model.sprung
+    )
+    apart = {}
     for rival, other in rivals.items():
-        distances = [_distance(imagined, named, other, r) for r in range(len(choices))]
-        best, power = most_telling(distances, inflation)
+        known = information(model, other)
+        apart[rival] = [_distance(imagined, named, other, known, r) for r in range(len(choices))]
+    found = []
+    for best, told, power in most_telling(apart, inflation):
         document = choices[best].plan.document()
-        names = sorted(set(named.hypothesis.effects) ^ {rival, *other.hypothesis.effects})
-        found.append(
-            NextExperiment(str(document["motion"]), document, tuple(names or [rival]), power)
-        )
+        names = set(named.hypothesis.effects)
+        others = [set(rivals[rival].hypothesis.effects) for rival in told]
+        separates = sorted(set().union(*(names ^ other for other in others)) or told)
+        found.append(NextExperiment(str(document["motion"]), document, tuple(separates), power))
     return found
 
 
-def _distance(model: JointModel, named: Fit, other: Fit, r: int) -> float:
-    """How far apart two hypotheses are in one recording, in deviations, nuisances adapted."""
-    residual, jacobian = linearise(model, named.hypothesis, named.z, named.noise, [r])
+def information(model: JointModel, found: Fit) -> Floats:
+    """What the recordings of a model, and priors, say of a fit's numbers (k, k)."""
+    residual, jacobian = linearise(model, found.hypothesis, found.z, found.noise)
+    known: Floats = (jacobian * huber_weight(residual)[:, None]).T @ jacobian
+    known[np.diag_indices(len(model.nuisances))] += 1.0
+    return known
+
+
+def _distance(model: JointModel, named: Fit, other: Fit, known: Floats, r: int) -> float:
+    """How far apart two hypotheses are in one recording, in deviations, the other adapted."""
     blocks = [
         model.residuals(named.hypothesis, [named.z], [r])[0],
         model.residuals(other.hypothesis, [other.z], [r])[0],
     ]
     _, differences = whitened(blocks, named.noise)
-    apart = differences[:, 0]
-    return adapted(apart, jacobian[:, : len(model.nuisances)]) if len(residual) else 0.0
+    _, jacobian = linearise(model, other.hypothesis, other.z, named.noise, [r])
+    return adapted(differences[:, 0], jacobian, known)
 
 
-def adapted(apart: Floats, tangents: Floats) -> float:
-    """Length of a whitened difference (n,) once nuisances have done what they can about it.
+def adapted(apart: Floats, tangents: Floats, known: Floats) -> float:
+    """Length of a whitened difference (n,) once all numbers have done what they can about it.
 
-    ``tangents`` (n, k) are what a deviation of each does.
+    ``tangents`` (n, k) are what a unit of each does, ``known`` (k, k) what holds them where they
+    are. What it costs them to go elsewhere counts as well.
     """
-    normal = tangents.T @ tangents + np.eye(tangents.shape[1])
-    left = apart - tangents @ np.linalg.solve(normal, tangents.T @ apart)
-    return float(np.linalg.norm(left))
+    pull = tangents.T @ apart
+    way = np.linalg.lstsq(tangents.T @ tangents + known, pull, rcond=None)[0]
+    return math.sqrt(max(0.0, float(apart @ apart - pull @ way)))
 
 
-def most_telling(distances: Sequence[float], inflation: float) -> tuple[int, float]:
-    """The experiment in which two hypotheses are farthest apart, and its power.
+def most_telling(
+    apart: Mapping[str, Sequence[float]], inflation: float
+) -> list[tuple[int, tuple[str, ...], float]]:
+    """Which experiments to make, each with the rivals that it is for, and its power.
 
-    ``inflation`` is how much too sure the likelihood is of a difference.
+    ``apart`` has, for each rival, how far from the named hypothesis it is in every experiment, and
+    ``inflation`` is how much too sure the likelihood is of a difference. First that in which the
+    nearest rival is farthest; then, where another is better for one of them, that for it.
     """
-    deflated = [distance / np.sqrt(inflation) for distance in distances]
-    best = int(np.argmax(deflated))
-    return best, NormalDist().cdf(0.5 * float(deflated[best]))
+    every = np.array(list(apart.values())) / np.sqrt(inflation)
+    together = int(np.argmax(every.min(axis=0)))
+    found = [(together, tuple(apart), _power(float(every[:, together].min())))]
+    for rival, own in zip(apart, every, strict=True):
+        best = int(np.argmax(own))
+        if own[best] > own[together]:
+            found.append((best, (rival,), _power(float(own[best]))))
+    return found
+
+
+def _power(distance: float) -> float:
+    """The chance that the likelier of two, so many deviations apart, is the true one."""
+    return NormalDist().cdf(0.5 * distance)

@@ -272,7 +272,7 @@ class Work:
             if len(taken) == 1 and (rivals := close_rivals(self.model, found, gain)):
                 self.tell(f"what would tell {gain.name} from its rivals")
                 nexts += next_experiments(
-                    self.model,
+                    self.search.sight,
                     self.robot,
                     after,
                     {rival.name: rival.fit for rival in rivals},

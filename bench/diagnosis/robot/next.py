@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from busemu.tables import Robot
 from sim.stepped import TICK_S
@@ -24,6 +25,8 @@ from .features import MEANS, RobotKind
 from .fit import RobotFit, Sight, voltage_noise
 from .model import HEIGHT_FLOOR_M, RobotModel
 from .replay import Course
+
+Floats = NDArray[np.float64]
 
 HEAVIER = 0.15  #: of the robot's mass: a weight to put on its trunk; assumed
 WATCH_S = 0.02  #: between two looks at the trunk's height, or at a voltage
@@ -72,44 +75,53 @@ def menu(model: RobotModel) -> list[RobotChoice]:
 
 
 def next_experiments(
-    model: RobotModel,
+    sight: Sight,
     robot: Robot,
     named: RobotFit,
     rivals: Mapping[str, RobotFit],
     inflation: float,
 ) -> list[NextExperiment]:
-    """The best experiment of the menu against every rival of a named hypothesis."""
+    """Experiments of the menu that tell a named hypothesis from its rivals: first from all.
+
+    ``sight`` is that which all were fitted with.
+    """
     if not rivals:
         return []
+    model = sight.model
     choices = menu(model)
     watched = Noise(HEIGHT_FLOOR_M, 0.1 * HEIGHT_FLOOR_M, MEMORY_S)
-    found = []
+    apart = {}
     with RobotModel(model.base, robot, [choice.course for choice in choices]) as imagined:
         noise = {RobotKind.HEIGHT: watched, RobotKind.VOLTAGE: voltage_noise(imagined, 1)}
         noise |= dict(named.noise)
         for rival, other in rivals.items():
-            distances = [
-                _distance(Sight(imagined, [r], MEANS), named, other, noise)
+            known = np.asarray(np.linalg.inv(sight.covariances(other)[0]), np.float64)
+            apart[rival] = [
+                _distance(Sight(imagined, [r], MEANS), named, other, noise, known)
                 for r in range(len(choices))
             ]
-            best, power = most_telling(distances, inflation)
-            names = {n.partition("@")[0] for n in named.names}
-            others = {n.partition("@")[0] for n in other.names}
-            found.append(
-                NextExperiment(
-                    choices[best].experiment,
-                    dict(choices[best].arguments),
-                    tuple(sorted(names ^ others)) or (rival,),
-                    power,
-                )
+    found = []
+    for best, told, power in most_telling(apart, inflation):
+        names = {n.partition("@")[0] for n in named.names}
+        others = [{n.partition("@")[0] for n in rivals[rival].names} for rival in told]
+        separates = sorted(set().union(*(names ^ other for other in others)))
+        choice = choices[best]
+        found.append(
+            NextExperiment(
+                choice.experiment, dict(choice.arguments), tuple(separates) or told, power
             )
+        )
     return found
 
 
 def _distance(
-    sight: Sight, named: RobotFit, other: RobotFit, noise: Mapping[RobotKind, Noise]
+    sight: Sight,
+    named: RobotFit,
+    other: RobotFit,
+    noise: Mapping[RobotKind, Noise],
+    known: Floats,
 ) -> float:
-    """How far apart two hypotheses are in one experiment, in deviations, nuisances adapted."""
+    """How far apart two hypotheses are in one experiment, in deviations, the other adapted."""
     ours, _ = sight.linearised(named.names, named.z, noise)
     theirs, jacobian = sight.linearised(other.names, other.z, noise)
-    return adapted(theirs - ours, jacobian[:, : len(other.nuisances)])
+    return adapted(theirs - ours, jacobian, known)

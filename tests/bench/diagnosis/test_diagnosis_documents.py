@@ -10,17 +10,15 @@ import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, access, logs, model_of, robot
 
 from bench.diagnosis.joint.diagnosis import diagnose_joint
-from bench.diagnosis.joint.fit import Fit, block_rms, estimate_noise, fit
+from bench.diagnosis.joint.fit import Fit, block_rms, fit
 from bench.diagnosis.joint.gear import with_spring
 from bench.diagnosis.joint.improved import carried, write_improved
 from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
-from bench.diagnosis.joint.next_experiment import GAINS, menu, next_experiments
 from bench.diagnosis.joint.nuisances import FARTHEST, NUISANCES, PUNCH
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.observed import observe
 from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES, Cause, Estimate
 from bench.diagnosis.running import diagnose, misfits, split, write
-from bench.motions import MOTIONS as MENU
 from bench.recording import Recording
 from busemu.tables import load_robot
 from sim.effects import catalogue, effect
@@ -354,52 +352,6 @@ def test_a_number_that_recordings_cannot_show_is_not_in_the_better_model(
 
 
 # --- the next experiment
-
-
-@pytest.fixture(scope="module")
-def small():
-    return model_of(logs(motions=["slow"]))
-
-
-def fit_at(model, name, z):
-    knobs = effect_knobs(effect(name))
-    vector = np.append(np.zeros(len(model.nuisances)), z)
-    hypothesis = Hypothesis(knobs)
-    blocks = model.residuals(hypothesis, [vector])[0]
-    return Fit(hypothesis, vector, estimate_noise(model, blocks), 0.0)
-
-
-def test_the_menu_has_every_motion_at_every_gain(small):
-    plans = [choice.plan for choice in menu(small)]
-    assert {plan.motion.name for plan in plans} == set(MENU)
-    assert len(plans) == len(MENU) * len(GAINS)
-    for choice in menu(small):
-        t = choice.observed.replay.events[:, 0]
-        assert (np.diff(t) >= 0.0).all()
-
-
-def test_an_experiment_is_proposed_for_every_rival_and_tells_its_power(small):
-    named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "transport_delay", 2.0)
-    (one,) = next_experiments(small, named, {"transport_delay": other}, 1.0)
-    assert set(one.separates) == {"dead_zone", "transport_delay"}
-    assert 0.9 < one.power <= 1.0
-    json.dumps(one.arguments, allow_nan=False)
-    assert next_experiments(small, named, {}, 1.0) == []
-
-
-def test_what_is_the_same_is_told_apart_by_nothing(small):
-    named = fit_at(small, "dead_zone", 2.0)
-    (one,) = next_experiments(small, named, {"dead_zone": named}, 1.0)
-    assert one.power == pytest.approx(0.5)
-
-
-def test_less_certain_data_has_less_power(small):
-    named, other = fit_at(small, "dead_zone", 0.3), fit_at(small, "dead_zone", 0.25)
-    sure, unsure = (
-        next_experiments(small, named, {"punch": other}, inflation)[0].power
-        for inflation in (1.0, 25.0)
-    )
-    assert 0.5 <= unsure < sure
 
 
 def test_a_number_that_json_lacks_is_null(null, tmp_path):
