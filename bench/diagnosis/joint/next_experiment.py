@@ -25,8 +25,11 @@ from sim.rollout import Replay
 from ..noise import huber_weight
 from ..observed import Channel, Observed, Samples
 from ..result import NextExperiment
-from .fit import Fit, linearise, whitened
-from .model import JointModel
+from .faint import ONCE, READ, SHARED
+from .fit import Fit, bounds, linearise, whitened
+from .floor import engines_rad
+from .model import Blocks, JointModel, Kind
+from .rivals import CLOSE
 
 Floats = NDArray[np.float64]
 
@@ -133,12 +136,16 @@ def next_experiments(
     imagined = JointModel(
         model.base, model.robot, [c.observed for c in choices], sprung=model.sprung
     )
+    enough = told_by(model)
     apart = {}
     for rival, other in rivals.items():
         known = information(model, other)
-        apart[rival] = [_distance(imagined, named, other, known, r) for r in range(len(choices))]
+        apart[rival] = [
+            _distance(imagined, named, other, known, enough, inflation, r)
+            for r in range(len(choices))
+        ]
     found = []
-    for best, told, power in most_telling(apart, inflation):
+    for best, told, power in most_telling(apart):
         document = choices[best].plan.document()
         names = set(named.hypothesis.effects)
         others = [set(rivals[rival].hypothesis.effects) for rival in told]
@@ -155,38 +162,78 @@ def information(model: JointModel, found: Fit) -> Floats:
     return known
 
 
-def _distance(model: JointModel, named: Fit, other: Fit, known: Floats, r: int) -> float:
-    """How far apart two hypotheses are in one recording, in deviations, the other adapted."""
-    blocks = [
-        model.residuals(named.hypothesis, [named.z], [r])[0],
-        model.residuals(other.hypothesis, [other.z], [r])[0],
-    ]
-    _, differences = whitened(blocks, named.noise)
+def told_by(model: JointModel) -> dict[Kind, float]:
+    """RMS of every kind, in its unit, from which another group of recordings tells two apart.
+
+    By less than two sound simulations differ in it, they are :func:`~.faint.hardly_better` than
+    each other, however sure the likelihood is.
+    """
+    groups = 1 + len({one.group for one in model.observed})
+    positions = engines_rad(model) * math.sqrt(max(ONCE, SHARED * groups))
+    rest = {kind: math.sqrt(READ) * floor for kind, floor in model.floors().items()}
+    return rest | {Kind.POSITION: positions}
+
+
+def _distance(
+    model: JointModel,
+    named: Fit,
+    other: Fit,
+    known: Floats,
+    enough: Mapping[Kind, float],
+    inflation: float,
+    r: int,
+) -> float:
+    """How far apart two hypotheses are in one recording, in deviations, the other adapted.
+
+    ``inflation`` is how much too sure the likelihood is of a difference, and ``enough`` what it
+    must be of some kind (:func:`told_by`) for two to be told apart.
+    """
+    (ours,) = model.residuals(named.hypothesis, [named.z], [r])
     _, jacobian = linearise(model, other.hypothesis, other.z, named.noise, [r])
-    return adapted(differences[:, 0], jacobian, known)
+
+    def apart(z: Floats) -> tuple[Blocks, Floats]:
+        (theirs,) = model.residuals(other.hypothesis, [z], [r])
+        _, differences = whitened([theirs, ours], named.noise)
+        return theirs, differences[:, 0]
+
+    _, away = apart(other.z)
+    z = np.clip(other.z + follows(away, jacobian, known), *bounds(model, other.hypothesis))
+    theirs, left = apart(z)
+    cost = (z - other.z) @ known @ (z - other.z)
+    nats = 0.5 * float(min(away @ away, left @ left + cost)) / inflation
+    seen = max(
+        float(np.mean((block.value - ours[key].value) ** 2)) / enough[key[1]] ** 2
+        for key, block in theirs.items()
+    )
+    return math.sqrt(2.0 * min(nats, CLOSE * seen))
+
+
+def follows(apart: Floats, tangents: Floats, known: Floats) -> Floats:
+    """The way (k,) that numbers go to take away most of a whitened difference (n,).
+
+    ``tangents`` (n, k) are what a unit of each takes away, ``known`` (k, k) what holds them.
+    """
+    normal = tangents.T @ tangents + known
+    return np.asarray(np.linalg.lstsq(normal, tangents.T @ apart, rcond=None)[0], np.float64)
 
 
 def adapted(apart: Floats, tangents: Floats, known: Floats) -> float:
-    """Length of a whitened difference (n,) once all numbers have done what they can about it.
+    """Length of a whitened difference once all numbers have done what they can about it.
 
-    ``tangents`` (n, k) are what a unit of each does, ``known`` (k, k) what holds them where they
-    are. What it costs them to go elsewhere counts as well.
+    What it costs them to go elsewhere counts as well; see :func:`follows`.
     """
-    pull = tangents.T @ apart
-    way = np.linalg.lstsq(tangents.T @ tangents + known, pull, rcond=None)[0]
-    return math.sqrt(max(0.0, float(apart @ apart - pull @ way)))
+    helped = apart @ tangents @ follows(apart, tangents, known)
+    return math.sqrt(max(0.0, float(apart @ apart - helped)))
 
 
-def most_telling(
-    apart: Mapping[str, Sequence[float]], inflation: float
-) -> list[tuple[int, tuple[str, ...], float]]:
+def most_telling(apart: Mapping[str, Sequence[float]]) -> list[tuple[int, tuple[str, ...], float]]:
     """Which experiments to make, each with the rivals that it is for, and its power.
 
-    ``apart`` has, for each rival, how far from the named hypothesis it is in every experiment, and
-    ``inflation`` is how much too sure the likelihood is of a difference. First that in which the
-    nearest rival is farthest; then, where another is better for one of them, that for it.
+    ``apart`` has, for each rival, how many deviations from the named hypothesis it is in every
+    experiment. First that in which the nearest rival is farthest; then, where another is better for
+    one of them, that for it.
     """
-    every = np.array(list(apart.values())) / np.sqrt(inflation)
+    every = np.array(list(apart.values()))
     together = int(np.argmax(every.min(axis=0)))
     found = [(together, tuple(apart), _power(float(every[:, together].min())))]
     for rival, own in zip(apart, every, strict=True):

@@ -98,10 +98,11 @@ def next_experiments(
             known = np.asarray(np.linalg.inv(sight.covariances(other)[0]), np.float64)
             apart[rival] = [
                 _distance(Sight(imagined, [r], MEANS), named, other, noise, known)
+                / np.sqrt(inflation)
                 for r in range(len(choices))
             ]
     found = []
-    for best, told, power in most_telling(apart, inflation):
+    for best, told, power in most_telling(apart):
         names = {n.partition("@")[0] for n in named.names}
         others = [{n.partition("@")[0] for n in rivals[rival].names} for rival in told]
         separates = sorted(set().union(*(names ^ other for other in others)))
