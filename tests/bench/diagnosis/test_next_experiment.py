@@ -1,14 +1,17 @@
 """Which experiment is proposed where a cause has rivals."""
 
 import json
+from statistics import NormalDist
 
 import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
 from bench.diagnosis.joint import next_experiment as proposing
+from bench.diagnosis.joint.faint import ONCE, SHARED
 from bench.diagnosis.joint.fit import Fit, estimate_noise, linearise
-from bench.diagnosis.joint.model import Hypothesis
+from bench.diagnosis.joint.floor import engines_rad
+from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.joint.next_experiment import (
     GAINS,
     adapted,
@@ -16,6 +19,7 @@ from bench.diagnosis.joint.next_experiment import (
     menu,
     most_telling,
     next_experiments,
+    told_by,
 )
 from bench.diagnosis.knobs import effect_knobs
 from bench.motions import MOTIONS as MENU
@@ -78,11 +82,11 @@ def test_a_rival_follows_as_far_as_recordings_let_it():
 
 
 def test_first_comes_what_tells_all_rivals_apart_then_what_is_better_for_one():
-    apart = {"backlash": [2.0, 9.0, 4.0], "dead_zone": [8.0, 1.0, 4.0], "punch": [9.0, 9.0, 9.1]}
-    first, *more = most_telling(apart, 4.0)
+    apart = {"backlash": [1.0, 4.5, 2.0], "dead_zone": [4.0, 0.5, 2.0], "punch": [5.0, 4.6, 4.6]}
+    first, *more = most_telling(apart)
     assert first[:2] == (2, ("backlash", "dead_zone", "punch"))
-    assert first[2] == pytest.approx(0.8413447)  # of two deviations: 4, deflated
-    assert [one[:2] for one in more] == [(1, ("backlash",)), (0, ("dead_zone",))]
+    assert first[2] == pytest.approx(0.8413447)  # of two deviations
+    assert [one[:2] for one in more] == [(1, ("backlash",)), (0, ("dead_zone",)), (0, ("punch",))]
     assert more[0][2] > first[2]
 
 
@@ -116,10 +120,51 @@ def test_it_is_the_rival_that_follows_what_is_named(small, monkeypatch):
     assert np.array(held) == pytest.approx(np.array([information(small, other)] * len(held)))
 
 
-def test_an_experiment_says_of_which_rivals_it_tells_what_is_named(small):
+def test_an_experiment_for_several_rivals_is_no_surer_than_the_best_for_one(small):
     named, less = fit_at(small, "dead_zone", 2.0), fit_at(small, "dead_zone", 1.9)
     other = fit_at(small, "transport_delay", 2.0)
-    found = next_experiments(small, named, {"less": less, "transport_delay": other}, 1.0)
-    assert set(found[0].separates) >= {"dead_zone", "transport_delay"}
-    assert found[0].power < found[-1].power
-    assert found[-1].separates == ("dead_zone", "transport_delay")
+    rivals = {"less": less, "transport_delay": other}
+    first, *_ = next_experiments(small, named, rivals, 1.0)
+    assert set(first.separates) == {"dead_zone", "transport_delay"}
+    alone = [next_experiments(small, named, {n: fit}, 1.0)[0].power for n, fit in rivals.items()]
+    assert 0.5 < first.power <= min(alone) < max(alone)
+
+
+def test_two_that_differ_by_less_than_sound_simulations_do_are_hardly_told_apart(
+    small, monkeypatch
+):
+    named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "transport_delay", 2.0)
+    enough = told_by(small)
+    assert enough[Kind.POSITION] == pytest.approx(engines_rad(small) * np.sqrt(ONCE))
+    powers = []
+    for times in (1.0, 1000.0):
+        some = {kind: times * rms for kind, rms in enough.items()}
+        monkeypatch.setattr(proposing, "told_by", lambda _, some=some: some)
+        powers.append(next_experiments(small, named, {"transport_delay": other}, 1.0)[0].power)
+    assert 0.5 < powers[1] < 0.7 < powers[0]
+
+
+def test_the_more_groups_there_are_the_more_another_must_show():
+    some = model_of(logs(motions=["slow", "fast", "steps"]))
+    assert told_by(some)[Kind.POSITION] == pytest.approx(engines_rad(some) * np.sqrt(4 * SHARED))
+
+
+def test_what_it_costs_a_rival_to_follow_counts_and_no_way_makes_it_farther(small, monkeypatch):
+    named, other = fit_at(small, "dead_zone", 0.3), fit_at(small, "dead_zone", 0.25)
+    held = np.zeros((len(other.z), len(other.z)))
+    monkeypatch.setattr(proposing, "information", lambda *_: held)
+    monkeypatch.setattr(proposing, "told_by", lambda _: dict.fromkeys(Kind, 1e-9))
+    monkeypatch.setattr(proposing, "menu", lambda model: menu(model)[:1])
+
+    def square(step, inflation=1.0):
+        way = np.append(np.zeros(len(small.nuisances)), step)
+        monkeypatch.setattr(proposing, "follows", lambda *_: way)
+        (one,) = next_experiments(small, named, {"other": other}, inflation)
+        return (2.0 * NormalDist().inv_cdf(one.power)) ** 2
+
+    free = square(0.025)
+    assert 0.0 < free < square(0.0)
+    assert square(-0.2) == square(0.0)
+    held[-1, -1] = 0.5 * free / 0.025**2
+    assert square(0.025) == pytest.approx(1.5 * free)
+    assert square(0.025, 4.0) == pytest.approx(1.5 * free / 4.0)
