@@ -10,7 +10,7 @@ likelier of the two is then the true one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -26,7 +26,17 @@ from ..noise import huber_weight
 from ..observed import Channel, Observed, Samples
 from ..result import NextExperiment
 from .faint import ONCE, READ, SHARED
-from .fit import Fit, bounds, linearise, whitened
+from .fit import (
+    ENOUGH,
+    Fit,
+    block_costs,
+    bounds,
+    least_squares,
+    linearise,
+    prior_cost,
+    remaining,
+    whitened,
+)
 from .floor import engines_rad
 from .model import Blocks, JointModel, Kind
 from .rivals import CLOSE
@@ -37,6 +47,11 @@ SAMPLE_S = 0.01  #: assumed pace of a bus that reads one servo
 DURATION_S = 6.0
 GAINS = (0.5, 1.0, 2.0)  #: of the position gain that was recorded
 BOLDER = 1.3  #: of the motion's size that was recorded
+FOLLOWED = 4  #: steps that a rival follows in each experiment of the menu, at most
+SHARES = (1.0, 0.5, 0.2, 0.05)  #: of a step, of which the best is gone
+FITTED = 6  #: steps of a rival's fit to what an experiment would show
+ASKED = 16  #: experiments at most that rivals are fitted to
+SURE = 5.0  #: deviations that are enough: no other experiment is looked for
 GAIN_REGISTERS = ("position_p_gain", "p_gain", "cw_compliance_slope")
 
 
@@ -136,22 +151,122 @@ def next_experiments(
     imagined = JointModel(
         model.base, model.robot, [c.observed for c in choices], sprung=model.sprung
     )
-    enough = told_by(model)
-    apart = {}
-    for rival, other in rivals.items():
-        known = information(model, other)
-        apart[rival] = [
-            _distance(imagined, named, other, known, enough, inflation, r)
-            for r in range(len(choices))
-        ]
+    contests = {
+        rival: Contest(model, imagined, named, other, information(model, other), inflation)
+        for rival, other in rivals.items()
+    }
+    promised = {
+        rival: [contest.promised(r) for r in range(len(choices))]
+        for rival, contest in contests.items()
+    }
     found = []
-    for best, told, power in most_telling(apart):
+    for best, told, power in most_telling(promised, lambda rival, r: contests[rival].fitted(r)):
         document = choices[best].plan.document()
         names = set(named.hypothesis.effects)
         others = [set(rivals[rival].hypothesis.effects) for rival in told]
         separates = sorted(set().union(*(names ^ other for other in others)) or told)
         found.append(NextExperiment(str(document["motion"]), document, tuple(separates), power))
     return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contest:
+    """A named hypothesis against a rival, in experiments that nobody has made.
+
+    ``model`` has the recordings that there are, ``imagined`` the experiments; ``known`` is what the
+    former say of the rival's numbers (:func:`information`), ``inflation`` how much too sure the
+    likelihood is of a difference.
+    """
+
+    model: JointModel
+    imagined: JointModel
+    named: Fit
+    other: Fit
+    known: Floats
+    inflation: float
+
+    def promised(self, r: int) -> float:
+        """How many deviations two are apart in an experiment, once the rival has followed."""
+        z, nats = self._followed(r)
+        (ours,) = self.imagined.residuals(self.named.hypothesis, [self.named.z], [r])
+        (theirs,) = self.imagined.residuals(self.other.hypothesis, [z], [r])
+        apart = {
+            key: replace(block, value=block.value - ours[key].value)
+            for key, block in theirs.items()
+        }
+        return self._deviations(nats, apart)
+
+    def fitted(self, r: int) -> float:
+        """The same once the rival is fitted to that as well as to all that was recorded."""
+        noise, hypothesis = self.named.noise, self.other.hypothesis
+        both = self.model.of([*self.model.observed, self.shown(r)])
+        last = [len(self.model.observed)]
+        begun = min((self.other.z, self._followed(r)[0]), key=lambda z: self._cost(both, z))
+        box = bounds(both, hypothesis)
+        z = least_squares(both, hypothesis, begun, noise, None, box, FITTED)
+        (ours,) = both.residuals(self.named.hypothesis, [self.named.z], last)
+        nats = self._cost(both, z) - self._cost(self.model, self.other.z)
+        nats -= sum(block_costs(ours, noise).values())
+        return self._deviations(nats, remaining(both, Fit(hypothesis, z, noise, np.inf), last))
+
+    def _followed(self, r: int) -> tuple[Floats, float]:
+        """Where the rival goes to follow in an experiment, and what is left between them [nats].
+
+        All that was recorded holds it as ``known`` says.
+        """
+        noise, hypothesis, start = self.named.noise, self.other.hypothesis, self.other.z
+        (ours,) = self.imagined.residuals(self.named.hypothesis, [self.named.z], [r])
+        box = bounds(self.imagined, hypothesis)
+
+        def apart(vectors: Sequence[Floats]) -> list[tuple[float, Floats, Floats]]:
+            found = []
+            for z, theirs in zip(
+                vectors, self.imagined.residuals(hypothesis, vectors, [r]), strict=True
+            ):
+                away = whitened([theirs, ours], noise)[1][:, 0]
+                held = (z - start) @ self.known @ (z - start)
+                found.append((0.5 * float(away @ away + held), z, away))
+            return found
+
+        (now,) = apart([start])
+        for _ in range(FOLLOWED):
+            nats, z, away = now
+            _, jacobian = linearise(self.imagined, hypothesis, z, noise, [r])
+            way = follows(away, jacobian, self.known, z - start)
+            tried = apart([np.clip(z + share * way, *box) for share in SHARES])
+            best = min(tried, key=lambda one: one[0])
+            if best[0] < nats:
+                now = best
+            if best[0] > nats - ENOUGH:
+                break
+        return now[1], now[0]
+
+    def _deviations(self, nats: float, apart: Blocks) -> float:
+        """Deviations that some nats are, if what is left (residuals by kind) can be seen at all.
+
+        By less than two sound simulations differ in it, :mod:`.rivals` does not tell two apart,
+        however many nats it is.
+        """
+        enough = told_by(self.model)
+        seen = max(
+            float(np.mean(block.value**2)) / enough[kind] ** 2 for (_, kind), block in apart.items()
+        )
+        return math.sqrt(2.0 * max(0.0, min(nats / self.inflation, CLOSE * seen)))
+
+    def _cost(self, model: JointModel, z: Floats) -> float:
+        (blocks,) = model.residuals(self.other.hypothesis, [z])
+        return sum(block_costs(blocks, self.named.noise).values()) + prior_cost(model, z)
+
+    def shown(self, r: int) -> Observed:
+        """An experiment as it would be recorded if what is named were all."""
+        one = self.imagined.observed[r]
+        (blocks,) = self.imagined.residuals(self.named.hypothesis, [self.named.z], [r])
+        channels = dict(one.channels)
+        for (_, kind), block in blocks.items():
+            samples = channels[kind.channel]
+            modelled = np.interp(samples.t_s, block.t_s, -block.value)
+            channels[kind.channel] = replace(samples, value=modelled)
+        return replace(one, channels=channels)
 
 
 def information(model: JointModel, found: Fit) -> Floats:
@@ -165,8 +280,7 @@ def information(model: JointModel, found: Fit) -> Floats:
 def told_by(model: JointModel) -> dict[Kind, float]:
     """RMS of every kind, in its unit, from which another group of recordings tells two apart.
 
-    By less than two sound simulations differ in it, they are :func:`~.faint.hardly_better` than
-    each other, however sure the likelihood is.
+    Those that differ by less are :func:`~.faint.hardly_better` than each other.
     """
     groups = 1 + len({one.group for one in model.observed})
     positions = engines_rad(model) * math.sqrt(max(ONCE, SHARED * groups))
@@ -174,47 +288,14 @@ def told_by(model: JointModel) -> dict[Kind, float]:
     return rest | {Kind.POSITION: positions}
 
 
-def _distance(
-    model: JointModel,
-    named: Fit,
-    other: Fit,
-    known: Floats,
-    enough: Mapping[Kind, float],
-    inflation: float,
-    r: int,
-) -> float:
-    """How far apart two hypotheses are in one recording, in deviations, the other adapted.
-
-    ``inflation`` is how much too sure the likelihood is of a difference, and ``enough`` what it
-    must be of some kind (:func:`told_by`) for two to be told apart.
-    """
-    (ours,) = model.residuals(named.hypothesis, [named.z], [r])
-    _, jacobian = linearise(model, other.hypothesis, other.z, named.noise, [r])
-
-    def apart(z: Floats) -> tuple[Blocks, Floats]:
-        (theirs,) = model.residuals(other.hypothesis, [z], [r])
-        _, differences = whitened([theirs, ours], named.noise)
-        return theirs, differences[:, 0]
-
-    _, away = apart(other.z)
-    z = np.clip(other.z + follows(away, jacobian, known), *bounds(model, other.hypothesis))
-    theirs, left = apart(z)
-    cost = (z - other.z) @ known @ (z - other.z)
-    nats = 0.5 * float(min(away @ away, left @ left + cost)) / inflation
-    seen = max(
-        float(np.mean((block.value - ours[key].value) ** 2)) / enough[key[1]] ** 2
-        for key, block in theirs.items()
-    )
-    return math.sqrt(2.0 * min(nats, CLOSE * seen))
-
-
-def follows(apart: Floats, tangents: Floats, known: Floats) -> Floats:
+def follows(apart: Floats, tangents: Floats, known: Floats, gone: Floats) -> Floats:
     """The way (k,) that numbers go to take away most of a whitened difference (n,).
 
-    ``tangents`` (n, k) are what a unit of each takes away, ``known`` (k, k) what holds them.
+    ``tangents`` (n, k) are what a unit of each takes away, ``known`` (k, k) what holds them where
+    they were before they had ``gone`` (k,).
     """
-    normal = tangents.T @ tangents + known
-    return np.asarray(np.linalg.lstsq(normal, tangents.T @ apart, rcond=None)[0], np.float64)
+    normal, pull = tangents.T @ tangents + known, tangents.T @ apart - known @ gone
+    return np.asarray(np.linalg.lstsq(normal, pull, rcond=None)[0], np.float64)
 
 
 def adapted(apart: Floats, tangents: Floats, known: Floats) -> float:
@@ -222,23 +303,37 @@ def adapted(apart: Floats, tangents: Floats, known: Floats) -> float:
 
     What it costs them to go elsewhere counts as well; see :func:`follows`.
     """
-    helped = apart @ tangents @ follows(apart, tangents, known)
+    helped = apart @ tangents @ follows(apart, tangents, known, np.zeros(len(known)))
     return math.sqrt(max(0.0, float(apart @ apart - helped)))
 
 
-def most_telling(apart: Mapping[str, Sequence[float]]) -> list[tuple[int, tuple[str, ...], float]]:
+def most_telling(
+    promised: Mapping[str, Sequence[float]],
+    asked: Callable[[str, int], float] | None = None,
+) -> list[tuple[int, tuple[str, ...], float]]:
     """Which experiments to make, each with the rivals that it is for, and its power.
 
-    ``apart`` has, for each rival, how many deviations from the named hypothesis it is in every
-    experiment. First that in which the nearest rival is farthest; then, where another is better for
-    one of them, that for it.
+    ``promised`` has, for each rival, how many deviations from the named hypothesis it is in every
+    experiment; ``asked`` tells that of one better, and is asked about those that promise most. First
+    that in which the nearest rival is farthest; then, where another is better for one of them, that
+    for it.
     """
-    every = np.array(list(apart.values()))
-    together = int(np.argmax(every.min(axis=0)))
-    found = [(together, tuple(apart), _power(float(every[:, together].min())))]
-    for rival, own in zip(apart, every, strict=True):
-        best = int(np.argmax(own))
-        if own[best] > own[together]:
+    apart = np.array(list(promised.values()), np.float64)
+    some = list(range(apart.shape[1]))
+    if asked is not None:
+        some = []
+        for r in np.argsort(-apart.min(axis=0), kind="stable")[:ASKED].tolist():
+            apart[:, r] = [
+                min(own, asked(n, r)) for n, own in zip(promised, apart[:, r], strict=True)
+            ]
+            some.append(r)
+            if apart[:, r].min() >= SURE:
+                break
+    together = max(some, key=lambda r: float(apart[:, r].min()))
+    found = [(together, tuple(promised), _power(float(apart[:, together].min())))]
+    for rival, own in zip(promised, apart, strict=True):
+        best = max(some, key=lambda r: float(own[r]))
+        if own[best] > own[together] and own[together] < SURE:
             found.append((best, (rival,), _power(float(own[best]))))
     return found
 
