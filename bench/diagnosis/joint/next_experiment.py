@@ -314,21 +314,18 @@ def most_telling(
     """Which experiments to make, each with the rivals that it is for, and its power.
 
     ``promised`` has, for each rival, how many deviations from the named hypothesis it is in every
-    experiment; ``asked`` tells that of one better, and is asked about those that promise most. First
-    that in which the nearest rival is farthest; then, where another is better for one of them, that
-    for it.
+    experiment; ``asked`` tells that of one better, and is asked about those that promise most.
+    First that in which the nearest rival is farthest; then, where another is better for one of
+    them, that for it.
     """
     apart = np.array(list(promised.values()), np.float64)
-    some = list(range(apart.shape[1]))
+    some = np.argsort(-apart.min(axis=0), kind="stable").tolist()
     if asked is not None:
-        some = []
-        for r in np.argsort(-apart.min(axis=0), kind="stable")[:ASKED].tolist():
-            apart[:, r] = [
-                min(own, asked(n, r)) for n, own in zip(promised, apart[:, r], strict=True)
-            ]
-            some.append(r)
+        for k, r in enumerate(some[:ASKED]):
+            apart[:, r] = [asked(rival, r) for rival in promised]
             if apart[:, r].min() >= SURE:
                 break
+        some = some[: k + 1]
     together = max(some, key=lambda r: float(apart[:, r].min()))
     found = [(together, tuple(promised), _power(float(apart[:, together].min())))]
     for rival, own in zip(promised, apart, strict=True):
