@@ -205,8 +205,8 @@ class Contest:
         box = bounds(both, hypothesis)
         z = least_squares(both, hypothesis, begun, noise, None, box, FITTED)
         (ours,) = both.residuals(self.named.hypothesis, [self.named.z], last)
-        nats = self._cost(both, z) - self._cost(self.model, self.other.z)
-        nats -= sum(block_costs(ours, noise).values())
+        before = min(self._cost(self.model, there) for there in (self.other.z, z))
+        nats = self._cost(both, z) - before - sum(block_costs(ours, noise).values())
         return self._deviations(nats, remaining(both, Fit(hypothesis, z, noise, np.inf), last))
 
     def _followed(self, r: int) -> tuple[Floats, float]:
@@ -321,11 +321,12 @@ def most_telling(
     apart = np.array(list(promised.values()), np.float64)
     some = np.argsort(-apart.min(axis=0), kind="stable").tolist()
     if asked is not None:
-        for k, r in enumerate(some[:ASKED]):
+        likely, some = some[:ASKED], []
+        for r in likely:
             apart[:, r] = [asked(rival, r) for rival in promised]
+            some.append(r)
             if apart[:, r].min() >= SURE:
                 break
-        some = some[: k + 1]
     together = max(some, key=lambda r: float(apart[:, r].min()))
     found = [(together, tuple(promised), _power(float(apart[:, together].min())))]
     for rival, own in zip(promised, apart, strict=True):

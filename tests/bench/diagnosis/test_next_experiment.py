@@ -1,26 +1,32 @@
 """Which experiment is proposed where a cause has rivals."""
 
 import json
-from statistics import NormalDist
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
 from bench.diagnosis.joint import next_experiment as proposing
-from bench.diagnosis.joint.faint import ONCE, SHARED
-from bench.diagnosis.joint.fit import Fit, estimate_noise, linearise
+from bench.diagnosis.joint.faint import SHARED
+from bench.diagnosis.joint.fit import Fit, estimate_noise, fit
 from bench.diagnosis.joint.floor import engines_rad
 from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.joint.next_experiment import (
+    ASKED,
     GAINS,
+    SURE,
+    Contest,
     adapted,
+    follows,
     information,
     menu,
     most_telling,
     next_experiments,
     told_by,
 )
+from bench.diagnosis.joint.rivals import CLOSE
 from bench.diagnosis.knobs import effect_knobs
 from bench.motions import MOTIONS as MENU
 from sim.effects import effect
@@ -48,28 +54,42 @@ def test_the_menu_has_every_motion_at_every_gain(small):
         assert (np.diff(t) >= 0.0).all()
 
 
-def test_an_experiment_is_proposed_for_every_rival_and_tells_its_power(small):
-    named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "transport_delay", 2.0)
-    (one,) = next_experiments(small, named, {"transport_delay": other}, 1.0)
+@pytest.fixture(scope="module")
+def wide():
+    """A joint that does not answer within a margin of 0.015 rad, seen in one slow motion."""
+    model = model_of(logs({"dead_zone": {"margin_rad": 0.015}}, motions=["slow"], noise_rad=1e-4))
+
+    def fitted(name):
+        hypothesis = Hypothesis(effect_knobs(effect(name)))
+        start = np.append(np.zeros(len(model.nuisances)), np.ones(len(hypothesis.knobs)))
+        return fit(model, hypothesis, start)
+
+    names = ("dead_zone", "transport_delay", "coulomb_friction")
+    return SimpleNamespace(model=model, **{name: fitted(name) for name in names})
+
+
+def test_an_experiment_is_proposed_for_every_rival_and_tells_its_power(wide):
+    rivals = {"transport_delay": wide.transport_delay}
+    (one,) = next_experiments(wide.model, wide.dead_zone, rivals, 1.0)
     assert set(one.separates) == {"dead_zone", "transport_delay"}
     assert 0.9 < one.power <= 1.0
     json.dumps(one.arguments, allow_nan=False)
-    assert next_experiments(small, named, {}, 1.0) == []
+    assert next_experiments(wide.model, wide.dead_zone, {}, 1.0) == []
 
 
-def test_what_is_the_same_is_told_apart_by_nothing(small):
-    named = fit_at(small, "dead_zone", 2.0)
-    (one,) = next_experiments(small, named, {"dead_zone": named}, 1.0)
-    assert one.power == pytest.approx(0.5)
+def test_what_is_the_same_is_told_apart_by_nothing(wide):
+    (one,) = next_experiments(wide.model, wide.dead_zone, {"dead_zone": wide.dead_zone}, 1.0)
+    assert one.power < 0.65
 
 
-def test_less_certain_data_has_less_power(small):
-    named, other = fit_at(small, "dead_zone", 0.3), fit_at(small, "dead_zone", 0.25)
+def test_less_certain_data_has_less_power(wide, monkeypatch):
+    monkeypatch.setattr(proposing, "menu", lambda model: menu(model)[:4])
+    rivals = {"transport_delay": wide.transport_delay}
     sure, unsure = (
-        next_experiments(small, named, {"punch": other}, inflation)[0].power
-        for inflation in (1.0, 25.0)
+        next_experiments(wide.model, wide.dead_zone, rivals, inflation)[0].power
+        for inflation in (1.0, 1e6)
     )
-    assert 0.5 <= unsure < sure
+    assert 0.5 <= unsure < 0.6 < sure
 
 
 def test_a_rival_follows_as_far_as_recordings_let_it():
@@ -79,6 +99,9 @@ def test_a_rival_follows_as_far_as_recordings_let_it():
     # where both know as much, half way is best: a quarter of the square here, a quarter there
     assert adapted(apart, tangent, np.array([[25.0]])) == pytest.approx(5.0 / np.sqrt(2.0))
     assert adapted(apart, np.array([[0.0], [0.0], [1.0]]), np.eye(1)) == pytest.approx(5.0)
+    # and what has gone half way already is where it stays
+    way = follows(0.5 * apart, tangent, np.array([[25.0]]), np.array([0.5]))
+    assert way == pytest.approx(np.zeros(1))
 
 
 def test_first_comes_what_tells_all_rivals_apart_then_what_is_better_for_one():
@@ -101,70 +124,90 @@ def test_what_recordings_say_of_a_fit_is_added_to_what_was_believed(small):
     assert np.diag(information(with_more, found))[-1] > own[-1]
 
 
-def test_it_is_the_rival_that_follows_what_is_named(small, monkeypatch):
+def contest(model, named, other, known=None, inflation=1.0):
+    imagined = model.of([choice.observed for choice in menu(model)[:3]])
+    known = information(model, other) if known is None else known
+    return Contest(model, imagined, named, other, known, inflation)
+
+
+def test_an_experiment_is_imagined_as_what_is_named_has_it(small):
     named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "transport_delay", 2.0)
-    moved, held = [], []
-
-    def watched(model, hypothesis, *rest):
-        moved.append(hypothesis)
-        return linearise(model, hypothesis, *rest)
-
-    def measured(apart, tangents, known):
-        held.append(known)
-        return adapted(apart, tangents, known)
-
-    monkeypatch.setattr(proposing, "linearise", watched)
-    monkeypatch.setattr(proposing, "adapted", measured)
-    next_experiments(small, named, {"transport_delay": other}, 1.0)
-    assert set(moved) == {other.hypothesis}
-    assert np.array(held) == pytest.approx(np.array([information(small, other)] * len(held)))
+    held = contest(small, named, other)
+    as_recorded = small.of([held.shown(r) for r in range(3)])
+    (own,) = as_recorded.residuals(named.hypothesis, [named.z])
+    assert max(np.abs(block.value).max() for block in own.values()) < 1e-9
+    (theirs,) = as_recorded.residuals(other.hypothesis, [other.z])
+    assert max(np.abs(block.value).max() for block in theirs.values()) > 1e-3
 
 
-def test_an_experiment_for_several_rivals_is_no_surer_than_the_best_for_one(small):
-    named, less = fit_at(small, "dead_zone", 2.0), fit_at(small, "dead_zone", 1.9)
-    other = fit_at(small, "transport_delay", 2.0)
-    rivals = {"less": less, "transport_delay": other}
-    first, *_ = next_experiments(small, named, rivals, 1.0)
-    assert set(first.separates) == {"dead_zone", "transport_delay"}
-    alone = [next_experiments(small, named, {n: fit}, 1.0)[0].power for n, fit in rivals.items()]
-    assert 0.5 < first.power <= min(alone) < max(alone)
+def test_a_rival_follows_in_an_experiment_unless_it_is_held(small):
+    named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "dead_zone", 1.0)
+    count = len(other.z)
+    (held, still) = contest(small, named, other, 1e9 * np.eye(count))._followed(0)
+    (free, left) = contest(small, named, other, 1e-6 * np.eye(count))._followed(0)
+    assert held == pytest.approx(other.z, abs=1e-2)
+    assert free[-1] == pytest.approx(2.0, abs=0.2)
+    assert left < 0.1 * still
+    # what it costs to go there counts
+    own = 5.0 * np.diag(np.arange(count) == count - 1) + 1e-6 * np.eye(count)
+    (way, cost) = contest(small, named, other, own)._followed(1)
+    assert cost > 2.5 * (way[-1] - 1.0) ** 2 > 1.0
 
 
-def test_two_that_differ_by_less_than_sound_simulations_do_are_hardly_told_apart(
-    small, monkeypatch
-):
-    named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "transport_delay", 2.0)
-    enough = told_by(small)
-    assert enough[Kind.POSITION] == pytest.approx(engines_rad(small) * np.sqrt(ONCE))
-    powers = []
-    for times in (1.0, 1000.0):
-        some = {kind: times * rms for kind, rms in enough.items()}
-        monkeypatch.setattr(proposing, "told_by", lambda _, some=some: some)
-        powers.append(next_experiments(small, named, {"transport_delay": other}, 1.0)[0].power)
-    assert 0.5 < powers[1] < 0.7 < powers[0]
+def test_recordings_that_there_are_hold_a_rival_that_is_fitted_to_another(wide):
+    less = replace(wide.dead_zone, z=wide.dead_zone.z.copy())
+    less.z[-1] = 0.0
+    same = contest(wide.model, wide.dead_zone, wide.dead_zone).fitted(0)
+    # of a joint without a margin, recordings of one with it say that it is none
+    assert same < 0.3
+    assert contest(wide.model, less, wide.dead_zone).fitted(0) > same + 1.0
+
+
+def test_deviations_are_those_of_nats_or_of_what_can_be_seen_whichever_is_less(monkeypatch):
+    enough = {Kind.POSITION: 0.002, Kind.VOLTAGE: 0.1}
+    monkeypatch.setattr(proposing, "told_by", lambda _: enough)
+    held = Contest(None, None, None, None, None, 2.0)
+
+    def apart(position, voltage):
+        sizes = {Kind.POSITION: position, Kind.VOLTAGE: voltage}
+        return {(0, kind): SimpleNamespace(value=np.array([x, -x])) for kind, x in sizes.items()}
+
+    assert held._deviations(9.0, apart(1.0, 0.0)) == pytest.approx(3.0)
+    assert held._deviations(1e9, apart(0.002, 0.0)) == pytest.approx(np.sqrt(2.0 * CLOSE))
+    assert held._deviations(1e9, apart(0.0, 0.2)) == pytest.approx(2.0 * np.sqrt(2.0 * CLOSE))
+    assert held._deviations(-1.0, apart(1.0, 1.0)) == 0.0
+
+
+def test_only_what_promises_most_is_asked_and_no_more_once_one_is_enough():
+    asked = []
+
+    def ask(rival, r):
+        asked.append((rival, r))
+        return {1: 1.0, 3: SURE + 1.0, 0: 9.0}[r]
+
+    promised = {"backlash": [6.0, 9.0, 1.0, 7.0], "punch": [6.0, 9.0, 9.0, 8.0]}
+    (one,) = most_telling(promised, ask)
+    assert asked == [("backlash", 1), ("punch", 1), ("backlash", 3), ("punch", 3)]
+    assert one[:2] == (3, ("backlash", "punch"))
+    many = {"backlash": list(np.linspace(4.0, 3.0, 50))}
+    asked.clear()
+    monotone = most_telling(many, lambda rival, r: asked.append(r) or 0.1 * r)
+    assert asked == list(range(ASKED))
+    assert monotone[0][0] == ASKED - 1
+
+
+def test_an_experiment_for_several_rivals_is_no_surer_than_the_best_for_one(wide, monkeypatch):
+    monkeypatch.setattr(proposing, "menu", lambda model: menu(model)[:8])
+    rivals = {name: getattr(wide, name) for name in ("transport_delay", "coulomb_friction")}
+    first, *_ = next_experiments(wide.model, wide.dead_zone, rivals, 1.0)
+    assert set(first.separates) == {"dead_zone", *rivals}
+    alone = [
+        next_experiments(wide.model, wide.dead_zone, {name: rival}, 1.0)[0].power
+        for name, rival in rivals.items()
+    ]
+    assert 0.5 < first.power <= min(alone)
 
 
 def test_the_more_groups_there_are_the_more_another_must_show():
     some = model_of(logs(motions=["slow", "fast", "steps"]))
     assert told_by(some)[Kind.POSITION] == pytest.approx(engines_rad(some) * np.sqrt(4 * SHARED))
-
-
-def test_what_it_costs_a_rival_to_follow_counts_and_no_way_makes_it_farther(small, monkeypatch):
-    named, other = fit_at(small, "dead_zone", 0.3), fit_at(small, "dead_zone", 0.25)
-    held = np.zeros((len(other.z), len(other.z)))
-    monkeypatch.setattr(proposing, "information", lambda *_: held)
-    monkeypatch.setattr(proposing, "told_by", lambda _: dict.fromkeys(Kind, 1e-9))
-    monkeypatch.setattr(proposing, "menu", lambda model: menu(model)[:1])
-
-    def square(step, inflation=1.0):
-        way = np.append(np.zeros(len(small.nuisances)), step)
-        monkeypatch.setattr(proposing, "follows", lambda *_: way)
-        (one,) = next_experiments(small, named, {"other": other}, inflation)
-        return (2.0 * NormalDist().inv_cdf(one.power)) ** 2
-
-    free = square(0.025)
-    assert 0.0 < free < square(0.0)
-    assert square(-0.2) == square(0.0)
-    held[-1, -1] = 0.5 * free / 0.025**2
-    assert square(0.025) == pytest.approx(1.5 * free)
-    assert square(0.025, 4.0) == pytest.approx(1.5 * free / 4.0)
