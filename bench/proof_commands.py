@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -15,6 +16,8 @@ from busemu.cli import fail
 if TYPE_CHECKING:
     from .proof.plan import Planned
     from .proof.running import Proof
+
+Named = TypeVar("Named", bound=Enum)
 
 LINE_EVERY = 10  #: cases between two lines, where no terminal shows a bar
 
@@ -35,6 +38,14 @@ def prove(
             metavar="KIND",
             help="One-joint cases of one kind: null, single, pair, triple, stranger or deleted. "
             "--only null counts false alarms.",
+        ),
+    ] = None,
+    concealed: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WAY",
+            help="With --only: cases concealed in one way alone: plain, masked, rare, sub_quantum "
+            "or mimicked (by something that gives nearly the same trace).",
         ),
     ] = None,
     robots: Annotated[
@@ -69,7 +80,7 @@ def prove(
     stands in docs/proof/rules.md.
     """
     try:
-        from .blind import Kind
+        from .blind import Concealment, Kind
         from .proof import rivals
         from .proof.active import Active
         from .proof.errors import ProofError
@@ -81,14 +92,15 @@ def prove(
         fail(f"prove needs {error.name}: pip install 'busemu[sim,bench,proof]'")
     if quick and (cases or only):
         fail("--quick has its own cases: leave --cases and --only away")
-    kinds = {kind.value: kind for kind in Kind}
-    if only is not None and only not in kinds:
-        fail(f"--only {only}: no such kind; use one of {', '.join(kinds)}")
+    if concealed is not None and only is None:
+        fail(f"--concealed {concealed}: give --only KIND as well")
+    kind = None if only is None else _named(Kind, only, "--only")
+    way = None if concealed is None else _named(Concealment, concealed, "--concealed")
     try:
-        kind = None if only is None else kinds[only]
-        planned = plan(seed, cases, quick=quick, only=kind) + walking(seed, robots, quick=quick)
+        planned = plan(seed, cases, quick=quick, only=kind, way=way)
     except ValueError as error:
         fail(f"--cases: {error}")
+    planned += walking(seed, robots, quick=quick)
     if not planned:
         fail("--cases 0 leaves nothing to diagnose: give --robots")
     _tell_plan(planned)
@@ -121,6 +133,15 @@ def prove(
         raise typer.Exit(130) from None
     _tell_score(score)
     typer.echo(f"look at   {out / 'index.html'}, {out / 'score.json'}, {out / 'cases.csv'}")
+
+
+def _named(names: type[Named], told: str, option: str) -> Named:
+    """The member of an enumeration that an option names; ends the program where there is none."""
+    found = next((one for one in names if one.value == told), None)
+    if found is None:
+        known = ", ".join(one.value for one in names)
+        fail(f"{option} {told}: no such {names.__name__.lower()}; use one of {known}")
+    return found
 
 
 def _tell_plan(planned: tuple[Planned, ...]) -> None:

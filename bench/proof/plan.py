@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -76,12 +77,18 @@ def case_seed(seed: int, what: str, attempt: int = 0) -> int:
 
 
 def plan(
-    seed: int, cases: int | None = None, *, quick: bool = False, only: Kind | None = None
+    seed: int,
+    cases: int | None = None,
+    *,
+    quick: bool = False,
+    only: Kind | None = None,
+    way: Concealment | None = None,
 ) -> tuple[Planned, ...]:
     """The cases of a proof in the order they are diagnosed, shuffled.
 
-    ``cases``: a balanced part of so many, or none; ``only``: of one kind. Raises ``ValueError`` if
-    that is less than the number of kinds.
+    ``cases``: a balanced part of so many, or none; ``only``: of one kind; ``way``: with ``only``,
+    those alone that are concealed in one way. Raises ``ValueError`` if ``cases`` is less than the
+    number of kinds, or where no case of the kind is concealed that way.
     """
     if cases == 0:
         return ()
@@ -93,9 +100,18 @@ def plan(
         numbers = dict(NUMBERS) if cases is None else shares(cases)
     drawn: list[tuple[int, Asked]] = []
     for kind, count in numbers.items():
-        for index, asked in zip(range(count), _endless(seed, kind), strict=False):
+        for index, asked in islice(_of_way(seed, kind, way), count):
             drawn.append((case_seed(seed, f"{kind.value} {index}"), asked))
     return _named(seed, drawn, ())
+
+
+def _of_way(seed: int, kind: Kind, way: Concealment | None) -> Iterator[tuple[int, Asked]]:
+    """Cases of a kind with their numbers; of one way of concealment, if that is given."""
+    for index, asked in enumerate(_endless(seed, kind)):
+        if way is None or asked.concealment == way.value:
+            yield index, asked
+        elif index == NUMBERS[Kind.SINGLE] and kind is not Kind.SINGLE:
+            raise ValueError(f"no {kind.value} case is concealed that way: {way.value}")
 
 
 def shares(cases: int) -> dict[Kind, int]:

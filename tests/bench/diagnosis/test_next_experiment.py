@@ -154,6 +154,31 @@ def test_a_rival_follows_in_an_experiment_unless_it_is_held(small):
     assert cost > 2.5 * (way[-1] - 1.0) ** 2 > 1.0
 
 
+def test_a_rival_stays_where_every_step_would_take_it_farther_off(small, monkeypatch):
+    named, other = fit_at(small, "dead_zone", 2.0), fit_at(small, "dead_zone", 1.9)
+    astray = np.append(np.zeros(len(small.nuisances)), -1.8)
+    monkeypatch.setattr(proposing, "follows", lambda *_: astray)
+    (z, _) = contest(small, named, other)._followed(0)
+    assert z == pytest.approx(other.z)
+
+
+def test_contests_know_what_recordings_say_of_their_rival(wide, monkeypatch):
+    held = []
+
+    class Watched(Contest):
+        def promised(self, r):
+            held.append((self.other, self.known))
+            return 0.0
+
+        def fitted(self, r):
+            return 0.0
+
+    monkeypatch.setattr(proposing, "Contest", Watched)
+    next_experiments(wide.model, wide.dead_zone, {"delay": wide.transport_delay}, 1.0)
+    assert {id(other) for other, _ in held} == {id(wide.transport_delay)}
+    assert held[0][1] == pytest.approx(information(wide.model, wide.transport_delay))
+
+
 def test_recordings_that_there_are_hold_a_rival_that_is_fitted_to_another(wide):
     less = replace(wide.dead_zone, z=wide.dead_zone.z.copy())
     less.z[-1] = 0.0
@@ -189,6 +214,8 @@ def test_only_what_promises_most_is_asked_and_no_more_once_one_is_enough():
     (one,) = most_telling(promised, ask)
     assert asked == [("backlash", 1), ("punch", 1), ("backlash", 3), ("punch", 3)]
     assert one[:2] == (3, ("backlash", "punch"))
+    enough = {"backlash": [SURE, 9.0, 1.0], "punch": [SURE, 1.0, 9.0]}
+    assert [one[:2] for one in most_telling(enough)] == [(0, ("backlash", "punch"))]
     many = {"backlash": list(np.linspace(4.0, 3.0, 50))}
     asked.clear()
     monotone = most_telling(many, lambda rival, r: asked.append(r) or 0.1 * r)

@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from bench.blind import Kind
+from bench.blind import Concealment, Kind
 from bench.blind.effects import EFFECTS
 from bench.blind.sizing import RATIOS
 from bench.blind.unlisted import STRANGERS
@@ -92,3 +92,16 @@ def test_strangers_are_all_asked_for():
     named = Counter(c.asked.effects for c in plan(5) if c.asked.kind == "stranger")
     assert {name for (name,) in named} == set(STRANGERS)
     assert len(set(named.values())) == 1
+
+
+def test_cases_of_one_way_of_concealment_are_those_that_are_drawn_anyway():
+    every = {(case.seed, case.asked) for case in plan(3, only=Kind.SINGLE)}
+    rare = plan(3, 7, only=Kind.SINGLE, way=Concealment.RARE)
+    assert len(rare) == 7
+    assert {case.asked.concealment for case in rare} == {"rare"}
+    assert {(case.seed, case.asked) for case in rare} < every
+
+
+def test_a_kind_that_is_never_concealed_in_a_way_is_refused():
+    with pytest.raises(ValueError, match="no pair case is concealed that way: rare"):
+        plan(3, 7, only=Kind.PAIR, way=Concealment.RARE)

@@ -42,6 +42,18 @@ def test_a_kind_that_is_none_is_refused(tmp_path):
     ran = prove("--seed", "5", "--out", str(tmp_path / "x"), "--only", "nul")
     assert ran.returncode == 1
     assert ran.stderr.startswith("busemu: --only nul: no such kind; use one of null, single")
+
+
+def test_a_way_of_concealment_is_of_one_kind_of_cases(tmp_path):
+    told = "--seed", "5", "--out", str(tmp_path / "x"), "--only-plan", "--cases", "6"
+    ran = prove(*told, "--concealed", "mimicked")
+    assert ran.returncode == 1
+    assert ran.stderr == "busemu: --concealed mimicked: give --only KIND as well\n"
+    ran = prove(*told, "--only", "single", "--concealed", "hidden")
+    assert "no such concealment; use one of plain, masked" in ran.stderr
+    ran = prove(*told, "--only", "null", "--concealed", "mimicked")
+    assert ran.stderr == "busemu: --cases: no null case is concealed that way: mimicked\n"
+    assert "6 single" in prove(*told, "--only", "single", "--concealed", "mimicked").stdout
     assert not (tmp_path / "x").exists()
 
 
