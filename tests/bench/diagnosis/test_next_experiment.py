@@ -188,6 +188,17 @@ def test_recordings_that_there_are_hold_a_rival_that_is_fitted_to_another(wide):
     assert contest(wide.model, less, wide.dead_zone).fitted(0) > same + 1.0
 
 
+def test_what_recordings_cost_a_rival_that_has_followed_counts(wide, monkeypatch):
+    less, gone = (replace(wide.dead_zone, z=wide.dead_zone.z.copy()) for _ in range(2))
+    less.z[-1], gone.z[-1] = 0.0, 0.01
+    monkeypatch.setattr(proposing, "told_by", lambda _: dict.fromkeys(Kind, 1e-9))
+    monkeypatch.setattr(proposing, "least_squares", lambda *_: gone.z)
+    held = contest(wide.model, less, wide.dead_zone)
+    costs = [held._cost(wide.model, z) for z in (wide.dead_zone.z, gone.z)]
+    assert costs[1] - costs[0] > 10.0
+    assert held.fitted(0) ** 2 > 2.0 * (costs[1] - costs[0])
+
+
 def test_deviations_are_those_of_nats_or_of_what_can_be_seen_whichever_is_less(monkeypatch):
     enough = {Kind.POSITION: 0.002, Kind.VOLTAGE: 0.1}
     monkeypatch.setattr(proposing, "told_by", lambda _: enough)

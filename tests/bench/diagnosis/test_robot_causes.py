@@ -1,6 +1,7 @@
 """Causes of a whole robot from what a search found: chances, rivals, the next walk."""
 
 from dataclasses import replace
+from statistics import NormalDist
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from walking_robots import believed, walked
 
 from bench.diagnosis.joint.rivals import AS_GOOD, CLOSE, TEMPER
+from bench.diagnosis.robot import next as walks
 from bench.diagnosis.robot.causes import ENGINES_SHARE, cause_of, close_rivals
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.fit import RobotFit
@@ -153,3 +155,47 @@ def test_nobody_is_told_to_read_a_voltage_that_was_read():
     choices = menu(SimpleNamespace(features=[SimpleNamespace(course=seen)], base=believed()))
     assert not any("read" in choice.arguments for choice in choices)
     assert all(choice.course.voltage is seen.voltage for choice in choices)
+
+
+def test_walks_are_proposed_that_tell_a_name_from_rivals_that_follow_as_recordings_let_them(
+    monkeypatch,
+):
+    """Four walks of two rows: joints can follow in the first, and no more where they are held."""
+    apart = {NEAR: [(9.0, 0.0), (0.0, 2.0), (0.0, 0.0), (0.0, 0.0)], FAR: [(0.0, 6.0)] * 4}
+
+    class Seen:
+        def __init__(self, model, which, kinds):
+            (self.r,) = which
+
+        def linearised(self, names, z, noise):
+            rows = apart[names[0]][self.r] if names[0] in apart else (0.0, 0.0)
+            return np.array(rows), np.array([[1.0], [0.0]])
+
+    class Imagined:
+        def __init__(self, base, robot, courses):
+            self.courses = courses
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+    monkeypatch.setattr(walks, "RobotModel", Imagined)
+    monkeypatch.setattr(walks, "Sight", Seen)
+    monkeypatch.setattr(walks, "voltage_noise", lambda *_: None)
+    model = SimpleNamespace(base=believed(), features=[SimpleNamespace(course=walked())])
+    named, near, far = (RobotFit((n,), np.ones(1), {}, 0.0) for n in (OWN, NEAR, FAR))
+
+    def proposed(spread, rivals, inflation=4.0):
+        sight = SimpleNamespace(model=model, covariances=lambda _: (np.array([[spread]]), None))
+        return walks.next_experiments(sight, None, named, rivals, inflation)
+
+    free, *_ = proposed(1e9, {NEAR: near, FAR: far})
+    assert free.arguments == {"support": "suspended"}  # there it cannot follow
+    assert free.power == pytest.approx(NormalDist().cdf(0.5))  # two deviations, deflated
+    assert free.separates == ("backlash", "foot_compliance", "joint_compliance")
+    held, *_ = proposed(1e-9, {NEAR: near})
+    assert "trunk_load_kg" in held.arguments
+    assert held.power == pytest.approx(NormalDist().cdf(0.5 * 4.5))
+    assert proposed(1.0, {}) == []
