@@ -35,6 +35,8 @@ QUIET = 2.0  #: of a channel's rounding: noise below it says that the model hold
 BETTER = 0.8  #: of the misfit before: what is below it got better
 SAME = 0.98  #: of the same: what is above it did not change
 SUFFIXES = MappingProxyType({"s": "s", "kg": "kg", "hz": "Hz"})  #: of arguments, and their units
+TELLS = 0.75  #: power below which an experiment hardly tells two causes apart
+NO_MORE = ", which is little: of those that were tried none does better"
 ALWAYS = "torque_enable"  #: a register that is on in every experiment
 UNSEEN = "cannot be seen in these recordings"  #: of a parameter that is dead
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
@@ -309,6 +311,7 @@ def experiments(diagnosis: Diagnosis) -> list[str]:
             + (f" ({how})" if how else "")
             + f": tells {joined(plain(s) for s in each.separates)} apart"
             + f" with a chance of {percent(each.power)}"
+            + (NO_MORE if each.power < TELLS else "")
         )
     return told
 

@@ -261,6 +261,15 @@ def test_a_pair_comes_with_the_experiment_that_separates_it(page):
     assert "no experiment was worked out" in pairs
 
 
+def test_it_is_said_where_no_experiment_would_tell_much():
+    little = replace(FOUND.next_experiment[0], power=0.54)
+    told = replace(FOUND, next_experiment=(little,))
+    for text in (printed(told), Parts(report_page(told, TRACES, ORIGIN)).text):
+        flat = " ".join(text.split())
+        assert "with a chance of 54 %, which is little: of those that were tried none does" in flat
+        assert "which is little" not in " ".join(printed(FOUND).split())
+
+
 def test_names_from_recordings_cannot_write_the_page():
     odd = trace("<b>&\"'</svg>")
     text = report_page(FOUND, (odd,), replace(ORIGIN, title="<script>alert(1)</script>"))
