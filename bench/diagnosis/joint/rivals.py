@@ -10,11 +10,11 @@ from sim.effects import Effect
 
 from ..result import Rival
 from .faint import hardly_better
-from .fit import Fit
+from .fit import EDGE, Fit
 from .model import JointModel
 from .screening import screen
 from .search import Gain, Progress, confirm, drop
-from .veto import SPLIT
+from .veto import PLAINER, SPLIT
 
 TRIED = 3  #: rivals that are fitted in an effect's place
 CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
@@ -79,8 +79,9 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     """Probability of an effect among some that were fitted in its place, and those close behind.
 
     A likelihood is sure of whatever repeats. Where two differ by less than engines do, that is no
-    more than a hint which of them it is.
+    more than a hint which of them it is. What is the same in other words is no rival.
     """
+    tried = [gain for gain in tried if not _in_other_words(gain, named)]
     scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
     own = named.counted(scale) - named.unlikely
     behind = {g.effect: own - (g.counted(scale) - g.unlikely) for g in tried}
@@ -102,6 +103,18 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
         if nats < CLOSE or other in alike
     ]
     return probability, sorted(close, key=lambda r: r.behind_nats)
+
+
+def _in_other_words(gain: Gain, named: Gain) -> bool:
+    """Whether a gain is of an effect that holds the named one, and is at the end where it is that.
+
+    A friction that falls from a speed on that no joint reaches falls nowhere.
+    """
+    if PLAINER.get(gain.effect) != named.effect:
+        return False
+    knobs = gain.fit.hypothesis.knobs
+    numbers = zip(knobs, gain.fit.z[-len(knobs) :].tolist(), strict=True)
+    return any(k.parameter.shape and z > k.bounds[1] - EDGE for k, z in numbers)
 
 
 def chances(own_nats: float, behind_nats: Mapping[str, float]) -> tuple[float, dict[str, float]]:

@@ -167,6 +167,28 @@ def test_a_name_that_holds_another_is_never_likelier_than_it(monkeypatch, ahead,
     assert [r.behind_nats for r in close] == ([behind] if behind < CLOSE else [])
 
 
+@pytest.mark.parametrize(
+    ("more_nm", "speed_rad_s", "expected"),
+    [
+        (0.05, 5.0, []),
+        (0.05, 0.2, ["stribeck_friction"]),
+        (1.0, 0.2, ["stribeck_friction"]),
+    ],
+)
+def test_what_is_the_named_effect_in_other_words_is_no_rival(
+    monkeypatch, more_nm, speed_rad_s, expected
+):
+    """Friction that falls from 5 rad/s on, which is its bound, falls nowhere in slow motions."""
+    model = model_of(logs(motions=["slow"]))
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: True)
+    knobs = effect_knobs(effect("stribeck_friction"))
+    z = np.append(np.zeros(len(model.nuisances)), [knobs[0].at(more_nm), knobs[1].at(speed_rad_s)])
+    other = Gain("stribeck_friction", Fit(Hypothesis(knobs), z, {}, 0.0), 300.0, 1.0)
+    for named, names in (("coulomb_friction", expected), ("dead_zone", ["stribeck_friction"])):
+        _, close = _among(model, sized(named, 0.0, 320.0), [other])
+        assert [rival.effect for rival in close] == names
+
+
 def test_two_names_for_one_thing_are_rivals_of_like_probability():
     """Delay of commands and skew of samples, seen by positions alone."""
     both = {name: effect(name) for name in ("transport_delay", "dead_zone")}
