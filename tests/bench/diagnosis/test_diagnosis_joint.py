@@ -11,6 +11,7 @@ from bench.diagnosis.joint import diagnosis as joint
 from bench.diagnosis.joint import views
 from bench.diagnosis.joint.diagnosis import diagnose_joint
 from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
+from bench.diagnosis.joint.search import Outside
 from bench.diagnosis.joint.settling import settle
 from bench.diagnosis.observed import Channel, observe
 from bench.diagnosis.result import Rival
@@ -125,6 +126,31 @@ def test_a_name_is_told_once_as_a_rival_or_as_rejected(monkeypatch):
     assert found.next_experiment == ("torque_constant",)
     assert [row["effect"] for row in found.rejected] == ["gain_error", "cable_drag"]
     assert tuple(found.details["taken_back"]) == back
+
+
+def test_experiments_are_proposed_in_the_order_of_causes(monkeypatch):
+    truth = TRUTH | {"dead_zone": {"margin_rad": 0.02}}
+    effects = LIMIT | {"dead_zone": effect("dead_zone")}
+
+    def last_most(model, after, parts, floors):
+        nats = np.arange(1.0, 1.0 + len(parts)) * 100.0
+        pairs = zip(parts, nats.tolist(), strict=True)
+        return [replace(gain, held_out=Outside(x, 0.0, 0.0)) for (gain, _), x in pairs]
+
+    def in_its_place(model, now, name, *_):
+        other = f"what is like {name}"
+        return 0.4, [Rival(other, (JOINT,), 0.3, 1.0)], {other: now}, now
+
+    monkeypatch.setattr(joint, "beside_others", last_most)
+    monkeypatch.setattr(joint, "rivals", in_its_place)
+    monkeypatch.setattr(joint, "next_experiments", lambda _, __, fits, ___: list(fits))
+    observed = observe(logs(truth, ("steps", "slow", "fast")), robot(), JOINT)
+    found = diagnose_joint(read_model(robot()), robot(), observed, effects=effects).diagnosis
+    assert {cause.effect for cause in found.causes} == set(effects)
+    gains = [cause.held_out_gain_nats for cause in found.causes]
+    assert gains[0] > gains[1]
+    told = tuple(f"what is like {cause.effect}" for cause in found.causes)
+    assert found.next_experiment == told
 
 
 def test_recordings_that_judge_and_are_like_those_that_were_fitted_are_not_fitted():
