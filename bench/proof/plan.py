@@ -107,10 +107,12 @@ def plan(
 
 def _of_way(seed: int, kind: Kind, way: Concealment | None) -> Iterator[tuple[int, Asked]]:
     """Cases of a kind with their numbers; of one way of concealment, if that is given."""
+    none_yet = True
     for index, asked in enumerate(_endless(seed, kind)):
         if way is None or asked.concealment == way.value:
+            none_yet = False
             yield index, asked
-        elif index == NUMBERS[Kind.SINGLE] and kind is not Kind.SINGLE:
+        elif none_yet and index == NUMBERS[kind]:
             raise ValueError(f"no {kind.value} case is concealed that way: {way.value}")
 
 

@@ -18,14 +18,7 @@ from sim.robot import PhysicalRobot
 from ..journal import Journal
 from ..knobs import SEEN, joint_effects, of_drive
 from ..observed import Observed
-from ..result import (
-    Cause,
-    Diagnosis,
-    FitSummary,
-    NextExperiment,
-    beside_rest,
-    verdict_of,
-)
+from ..result import Cause, Diagnosis, FitSummary, NextExperiment, beside_rest, verdict_of
 from ..watch import Watch
 from .beginning import begun
 from .contradiction import supply_contradiction

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from busemu.tables import Robot
 from sim.stepped import TICK_S
 
-from ..joint.next_experiment import adapted, most_telling
+from ..joint.next_experiment import adapted, most_telling, separated
 from ..noise import Noise
 from ..result import NextExperiment
 from .features import MEANS, RobotKind
@@ -103,16 +103,15 @@ def next_experiments(
             ]
     found = []
     for best, told, power in most_telling(apart):
-        names = {n.partition("@")[0] for n in named.names}
-        others = [{n.partition("@")[0] for n in rivals[rival].names} for rival in told]
-        separates = sorted(set().union(*(names ^ other for other in others)))
-        choice = choices[best]
-        found.append(
-            NextExperiment(
-                choice.experiment, dict(choice.arguments), tuple(separates) or told, power
-            )
-        )
+        ours, *others = (_effects(fit) for fit in (named, *(rivals[rival] for rival in told)))
+        choice, parted = choices[best], separated(ours, others) or told
+        found.append(NextExperiment(choice.experiment, dict(choice.arguments), parted, power))
     return found
+
+
+def _effects(found: RobotFit) -> list[str]:
+    """Effects of a fit, wherever they are."""
+    return [name.partition("@")[0] for name in found.names]
 
 
 def _distance(
