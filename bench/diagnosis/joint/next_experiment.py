@@ -47,6 +47,8 @@ SAMPLE_S = 0.01  #: assumed pace of a bus that reads one servo
 DURATION_S = 6.0
 GAINS = (0.5, 1.0, 2.0)  #: of the position gain that was recorded
 BOLDER = 1.3  #: of the motion's size that was recorded
+NEARER = 0.5  #: of a weight's distance from the axis: where else it may be hung
+WEIGHT, PLACE = "payload_kg", "payload_at_m"  #: words of a recording's condition
 FOLLOWED = 4  #: steps that a rival follows in each experiment of the menu, at most
 SHARES = (1.0, 0.5, 0.2, 0.05)  #: of a step, of which the best is gone
 FITTED = 6  #: steps of a rival's fit to what an experiment would show
@@ -64,29 +66,54 @@ class Choice:
 
 
 def menu(model: JointModel) -> list[Choice]:
-    """Every motion, at a few gains and with the weights that were used, in the range recorded."""
+    """Every motion, in the range recorded, at a few gains and with the weights that were used.
+
+    Also, at the gain recorded, with the heaviest of these hung nearer to the axis, and without any:
+    what is in the weight, and what in the arm.
+    """
     positions = np.concatenate([o.position.value[o.position.good] for o in model.observed])
     low, high = np.quantile(positions, [0.01, 0.99])
     amplitude, centre = BOLDER * 0.5 * float(high - low), 0.5 * float(high + low)
-    seen: dict[float | None, Observed] = {}
+    used: dict[tuple[float | None, ...], Observed] = {}
     for one in model.observed:
-        seen.setdefault(one.condition.get("payload_kg"), one)
+        used.setdefault(tuple(one.condition.get(word) for word in (WEIGHT, PLACE)), one)
+    settings = [(gain, like) for gain in GAINS for like in used.values()]
+    settings += [(1.0, like) for like in _otherwise_loaded(model)]
     choices = []
     for name in sorted(MOTIONS):
-        for gain in GAINS:
-            for payload, like in seen.items():
-                moves = motion(
-                    name,
-                    amplitude_rad=max(amplitude, 0.05),
-                    center_rad=model.mount.to_joint(centre),
-                    duration_s=DURATION_S,
-                )
-                registers = _registers(model.table, like, gain)
-                if registers is None:
-                    continue
-                plan = ExperimentPlan(moves, registers, payload)
-                choices.append(Choice(plan, _imagined(model, like, plan, gain)))
+        for gain, like in settings:
+            moves = motion(
+                name,
+                amplitude_rad=max(amplitude, 0.05),
+                center_rad=model.mount.to_joint(centre),
+                duration_s=DURATION_S,
+            )
+            registers = _registers(model.table, like, gain)
+            if registers is None:
+                continue
+            weight, place = (like.condition.get(word) for word in (WEIGHT, PLACE))
+            plan = ExperimentPlan(moves, registers, weight, place)
+            choices.append(Choice(plan, _imagined(model, like, plan, gain)))
     return choices
+
+
+def _otherwise_loaded(model: JointModel) -> list[Observed]:
+    """Recordings as they might be with the heaviest weight elsewhere, and with none."""
+    fixed = model.base.payload
+    if fixed is None:
+        return []
+
+    def weight(one: Observed) -> float:
+        return float(one.condition.get(WEIGHT, fixed.mass_kg))
+
+    heaviest = max(model.observed, key=weight)
+    away = float(heaviest.condition.get(PLACE, math.hypot(*fixed.at_m)))
+    if not weight(heaviest) * away:
+        return []
+    told = [{WEIGHT: weight(heaviest), PLACE: NEARER * away}]
+    if min(map(weight, model.observed)):
+        told.append({WEIGHT: 0.0})
+    return [replace(heaviest, condition={**heaviest.condition, **each}) for each in told]
 
 
 def _registers(table: ControlTable, like: Observed, factor: float) -> Mapping[str, int] | None:

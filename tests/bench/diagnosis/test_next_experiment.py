@@ -46,12 +46,45 @@ def fit_at(model, name, z):
 
 
 def test_the_menu_has_every_motion_at_every_gain(small):
-    plans = [choice.plan for choice in menu(small)]
-    assert {plan.motion.name for plan in plans} == set(MENU)
-    assert len(plans) == len(MENU) * len(GAINS)
-    for choice in menu(small):
+    choices = menu(small)
+    as_loaded = [c for c in choices if (c.plan.payload_kg, c.plan.payload_at_m) == (0.15, 0.1)]
+    assert {choice.plan.motion.name for choice in as_loaded} == set(MENU)
+    assert len(as_loaded) == len(MENU) * len(GAINS)
+    for choice in choices:
         t = choice.observed.replay.events[:, 0]
         assert (np.diff(t) >= 0.0).all()
+
+
+def held_at(choice, model):
+    """Duty [1] that holds the arm away from where it hangs, from the experiment's own replay."""
+    with_duty = Hypothesis()
+    z = np.zeros(len(model.nuisances))
+    return np.abs(model.of([choice.observed]).duty(with_duty, z, 0)[1][-1])
+
+
+def test_a_weight_may_hang_elsewhere_or_not_at_all(small):
+    held = [c for c in menu(small) if c.plan.motion.name == "hold"]
+    gain = small.observed[0].registers.get("position_p_gain")
+    held = [c for c in held if c.plan.registers.get("position_p_gain") == gain]
+    (before,) = [c for c in held if (c.plan.payload_kg, c.plan.payload_at_m) == (0.15, 0.1)]
+    (nearer,) = [c for c in held if (c.plan.payload_kg, c.plan.payload_at_m) == (0.15, 0.05)]
+    (off,) = [c for c in held if c.plan.payload_kg == 0.0]
+    duty = [held_at(choice, small) for choice in (before, nearer, off)]
+    assert duty[0] > 1.2 * duty[1] > 1.4 * duty[2] > 0.0
+
+
+def test_a_weight_that_was_off_need_not_be_taken_off(small):
+    off, on = (
+        replace(small.observed[0], condition={"payload_kg": kg, "payload_at_m": 0.08})
+        for kg in (0.0, 0.2)
+    )
+    plans = {(c.plan.payload_kg, c.plan.payload_at_m) for c in menu(small.of([off, on]))}
+    assert plans == {(0.0, 0.08), (0.2, 0.08), (0.2, 0.04)}
+
+
+def test_a_rig_without_a_weight_has_none_to_hang_elsewhere(small):
+    bare = small.of([replace(small.observed[0], condition={"payload_kg": 0.0})])
+    assert len(menu(bare)) == len(MENU) * len(GAINS)
 
 
 @pytest.fixture(scope="module")
