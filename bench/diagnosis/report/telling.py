@@ -265,6 +265,10 @@ def _settings(arguments: Mapping[str, Any]) -> list[str]:
     for name, value in arguments.items():
         if isinstance(value, Mapping):
             told += _settings(value)
+        elif name == "payload_kg" and value == 0.0:
+            told.append("no weight")
+        elif name == "payload_at_m" and value is not None:
+            told.append(f"payload {number(1e3 * value)} mm from the axis")
         elif value is None or value in (0.0, "", []) or name == ALWAYS:
             continue
         elif name.endswith("_rad") and isinstance(value, float):

@@ -270,6 +270,17 @@ def test_it_is_said_where_no_experiment_would_tell_much():
         assert "which is little" not in " ".join(printed(FOUND).split())
 
 
+def test_it_is_said_where_a_weight_is_to_hang_or_that_there_is_none():
+    def told(**weight):
+        other = replace(FOUND.next_experiment[0], arguments={**SETTINGS, **weight})
+        return " ".join(printed(replace(FOUND, next_experiment=(other,))).split())
+
+    elsewhere = told(payload_kg=0.2, payload_at_m=0.055)
+    assert "payload 0.2 kg, payload 55 mm from the axis" in elsewhere
+    assert "no weight" in told(payload_kg=0.0)
+    assert "weight" not in told()
+
+
 def test_names_from_recordings_cannot_write_the_page():
     odd = trace("<b>&\"'</svg>")
     text = report_page(FOUND, (odd,), replace(ORIGIN, title="<script>alert(1)</script>"))
