@@ -111,6 +111,12 @@ class Observed:
         """How old a voltage may be that is told so seldom, nobody knows exactly when [s]."""
         return min(self.volts_s + LATE_S, OLDEST_S)
 
+    def driven(self, t_s: Floats) -> Mask:
+        """Whether the torque was on, at times [s] of any shape."""
+        told = self.replay.events[self.replay.events[:, 1] == fields.ENABLED]
+        on = np.append(self.replay.start[fields.ENABLED], told[:, 2]) > 0.0
+        return np.asarray(on[np.searchsorted(told[:, 0], t_s, side="right")])
+
     def parts(self) -> list[Any]:
         """All that residuals depend on, as arrays and plain values."""
         replay = self.replay

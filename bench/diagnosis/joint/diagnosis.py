@@ -23,7 +23,7 @@ from ..watch import Watch
 from .beginning import begun
 from .contradiction import supply_contradiction
 from .faint import strained
-from .fit import Fit, block_rms, estimate_noise, remaining
+from .fit import Fit, estimate_noise
 from .instants import believed_refresh_s
 from .intervals import estimates
 from .lost import lost_samples
@@ -31,6 +31,7 @@ from .model import Blocks, JointModel, Kind
 from .next_experiment import next_experiments
 from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
+from .remaining import block_rms, remaining
 from .renewed import load_refresh
 from .rest import Rest, is_worse, rest_of
 from .rhythm import short_refresh

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from .fit import Fit, bounds, prior_cost, remaining
+from .fit import Fit, bounds, prior_cost
 from .floor import engines_rad
 from .model import JointModel, Kind
 from .nuisances import LATE_S
+from .remaining import remaining
 
 Floats = NDArray[np.float64]
 
@@ -129,10 +130,13 @@ def faint(
 
 
 def group_squares(models: Sequence[JointModel], found: Fit) -> dict[Kind, list[float]]:
-    """Mean square that a fit leaves of every kind in the recordings of every group."""
+    """Mean square that a fit leaves of every kind in the recordings of every group.
+
+    Of a joint that is let go only what came before: see :func:`~.fit.while_driven`.
+    """
     values: dict[Kind, dict[object, list[Floats]]] = {}
     for model in models:
-        for (r, kind), block in remaining(model, found).items():
+        for (r, kind), block in remaining(model, found, driven=True).items():
             group = id(model), model.observed[r].group
             values.setdefault(kind, {}).setdefault(group, []).append(block.value)
     return {

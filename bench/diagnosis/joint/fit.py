@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from ..journal import digest
-from ..noise import Block, Noise, calm, cost, estimate, huber_weight, whiten
+from ..noise import Noise, cost, estimate, huber_weight, whiten
 from .model import Blocks, Hypothesis, JointModel, Kind
 
 Floats = NDArray[np.float64]
@@ -361,39 +361,3 @@ def least_squares(
         if gained < ENOUGH:
             break
     return z
-
-
-@dataclass(frozen=True, slots=True)
-class Score:
-    """How a fit does on some recordings: log-likelihood [nats], and squares of residuals."""
-
-    nats: float
-    squares: Mapping[Kind, float]  #: summed
-    count: Mapping[Kind, int]
-    seen: Score | None = None  #: of the fit that has seen them, where this one has not
-
-
-def score(model: JointModel, found: Fit, which: Sequence[int]) -> Score:
-    """How a fit does on recordings it may never have seen."""
-    blocks = model.residuals(found.hypothesis, [found.z], which)[0]
-    squares: dict[Kind, float] = {}
-    count: dict[Kind, int] = {}
-    for (_, kind), block in remaining(model, found, which).items():
-        squares[kind] = squares.get(kind, 0.0) + float(np.sum(block.value**2))
-        count[kind] = count.get(kind, 0) + len(block.value)
-    return Score(-sum(block_costs(blocks, found.noise).values()), squares, count)
-
-
-def remaining(model: JointModel, found: Fit, which: Sequence[int] | None = None) -> Blocks:
-    """What a fit leaves of some recordings (all), without what most likely swayed each of them."""
-    blocks = model.residuals(found.hypothesis, [found.z], which)[0]
-    return {
-        key: block if block.sways is None else calm(block, found.noise[key[1]])
-        for key, block in blocks.items()
-    }
-
-
-def block_rms(blocks: Mapping[tuple[int, Kind], Block], kind: Kind) -> float:
-    """Root mean square of the residuals of one kind, in its unit."""
-    values = [b.value for key, b in blocks.items() if key[1] is kind]
-    return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) if values else float("nan")

@@ -13,8 +13,9 @@ from sim.effects import Effect, catalogue
 from ..knobs import effect_knobs
 from ..watch import OutOfTimeError
 from .faint import changes_little
-from .fit import Fit, Score, fit
+from .fit import Fit, fit
 from .model import JointModel, Kind
+from .remaining import Score
 from .screening import screen, worth_fitting
 from .search import (
     HELD_OUT,

@@ -31,11 +31,12 @@ from sim.model import Addition, Estimate, with_additions
 from ..noise import Noise
 from ..result import DEAD
 from .diagnosis import JointFindings
-from .fit import EDGE, block_rms, bounds, estimate_noise, least_squares
+from .fit import EDGE, bounds, estimate_noise, least_squares
 from .gear import with_spring
 from .left import runs_away
 from .model import Blocks, JointModel, Kind
 from .nuisances import PRESLIDING, PUNCH, STALL, Nuisance
+from .remaining import block_rms
 
 Floats = NDArray[np.float64]
 

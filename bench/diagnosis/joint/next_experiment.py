@@ -26,19 +26,10 @@ from ..noise import huber_weight
 from ..observed import Channel, Observed, Samples
 from ..result import NextExperiment
 from .faint import ONCE, READ, SHARED
-from .fit import (
-    ENOUGH,
-    Fit,
-    block_costs,
-    bounds,
-    least_squares,
-    linearise,
-    prior_cost,
-    remaining,
-    whitened,
-)
+from .fit import ENOUGH, Fit, block_costs, bounds, least_squares, linearise, prior_cost, whitened
 from .floor import engines_rad
 from .model import Blocks, JointModel, Kind
+from .remaining import remaining, while_driven
 from .rivals import CLOSE
 
 Floats = NDArray[np.float64]
@@ -216,8 +207,9 @@ class Contest:
         z, nats = self._followed(r)
         (ours,) = self.imagined.residuals(self.named.hypothesis, [self.named.z], [r])
         (theirs,) = self.imagined.residuals(self.other.hypothesis, [z], [r])
+        one = self.imagined.observed[r]
         apart = {
-            key: replace(block, value=block.value - ours[key].value)
+            key: while_driven(one, replace(block, value=block.value - ours[key].value))
             for key, block in theirs.items()
         }
         return self._deviations(nats, apart)
@@ -233,7 +225,8 @@ class Contest:
         (ours,) = both.residuals(self.named.hypothesis, [self.named.z], last)
         before = min(self._cost(self.model, there) for there in (self.other.z, z))
         nats = self._cost(both, z) - before - sum(block_costs(ours, noise).values())
-        return self._deviations(nats, remaining(both, Fit(hypothesis, z, noise, np.inf), last))
+        left = remaining(both, Fit(hypothesis, z, noise, np.inf), last, driven=True)
+        return self._deviations(nats, left)
 
     def _followed(self, r: int) -> tuple[Floats, float]:
         """Where the rival goes to follow in an experiment, and what is left between them [nats].

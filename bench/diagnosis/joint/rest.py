@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .fit import Fit, block_rms, fit, remaining
+from .fit import Fit, fit
 from .floor import engines_rad, tolerance
 from .model import Blocks, JointModel, Kind
 from .remainder import Remainder, remainder
+from .remaining import block_rms, remaining
 
 STRUCTURE = 0.5  #: of the noise floor: a predictable rest below it says nothing
 ENGINES = 1.2  #: times what two engines usually differ by: so large a rest may be that alone

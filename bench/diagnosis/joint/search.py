@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from sim.effects import Effect
 
 from ..knobs import effect_knobs
-from .fit import Fit, Score, fit, prior_cost, score
+from .fit import Fit, fit, prior_cost
 from .intervals import covariances
 from .model import JointModel, Kind
+from .remaining import Score, score
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str], None]

@@ -13,10 +13,11 @@ from sim.effects import Effect
 
 from ..watch import Watch
 from .faint import changes_little, contradicted
-from .fit import Fit, block_rms, remaining
+from .fit import Fit
 from .growing import grow, paired
 from .intervals import Spread, may_be_nothing
 from .model import JointModel, Kind
+from .remaining import block_rms, remaining
 from .rest import rest_of
 from .search import (
     HARM,

@@ -13,11 +13,12 @@ from sim.robot import PhysicalRobot
 from ..journal import Journal
 from ..observed import Observed
 from ..watch import Watch
-from .fit import Fit, block_rms, fit, remaining
+from .fit import Fit, fit
 from .floor import noise_floor, tolerance
 from .gear import PLAINLY, SpringError, asked_again, believed, sprung
 from .leash import GATED, HUNTS, LEASH_RAD_S
 from .model import GEARS, Blocks, Hypothesis, JointModel, Kind
+from .remaining import block_rms, remaining
 from .rest import rest_of
 from .screening import screen
 from .search import confirm, drop

@@ -10,11 +10,12 @@ import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, access, logs, model_of, robot
 
 from bench.diagnosis.joint.diagnosis import diagnose_joint
-from bench.diagnosis.joint.fit import Fit, block_rms, fit
+from bench.diagnosis.joint.fit import Fit, fit
 from bench.diagnosis.joint.gear import with_spring
 from bench.diagnosis.joint.improved import carried, write_improved
 from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.joint.nuisances import FARTHEST, NUISANCES, PUNCH
+from bench.diagnosis.joint.remaining import block_rms
 from bench.diagnosis.knobs import effect_knobs, joint_effects
 from bench.diagnosis.observed import observe
 from bench.diagnosis.result import FORMAT, VERDICTS, WRONG_VALUES, Cause, Estimate

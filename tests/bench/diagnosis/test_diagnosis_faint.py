@@ -1,5 +1,7 @@
 """How much a name must change, on squares that are given."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
@@ -15,14 +17,18 @@ from bench.diagnosis.joint.faint import (
     changes_little,
     contradicted,
     faint,
+    group_squares,
     strained,
     within_ticks,
 )
 from bench.diagnosis.joint.fit import Fit
 from bench.diagnosis.joint.floor import engines_rad
 from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.remaining import while_driven
 from bench.diagnosis.knobs import effect_knobs
-from bench.diagnosis.noise import Noise
+from bench.diagnosis.noise import Block, Noise
+from bench.diagnosis.observed import Channel
+from sim.drive import fields
 from sim.effects import effect
 
 FLOOR, NOISE = 1e-3, 1e-6
@@ -116,3 +122,30 @@ def test_what_the_motion_is_farther_off_with_is_no_name(share, denied, monkeypat
         lambda _, found: {Kind.POSITION: squares[found]},
     )
     assert contradicted([model], "without", "with") is denied
+
+
+def test_where_a_joint_that_was_let_go_came_to_rest_counts_for_nothing():
+    """It may stick anywhere; only what the torque was on for tells two fits apart."""
+    model = model_of(logs(motions=["slow"], limp_s=2.0))
+    (one,) = model.observed
+    assert one.driven(np.array([0.0, 1.9, 2.1, 3.0])).tolist() == [True, True, False, False]
+    noise = {Kind.POSITION: Noise(1e-3, 0.0, 0.1), Kind.DUTY: Noise(1e-3, 0.0, 0.1)}
+    found = Fit(Hypothesis(), np.zeros(len(model.nuisances)), noise, 0.0)
+    (before,) = group_squares([model], found)[Kind.POSITION]
+    samples = one.position
+    moved = replace(samples, value=samples.value + 0.1 * ~one.driven(samples.t_s))
+    elsewhere = model.of([replace(one, channels={**one.channels, Channel.POSITION: moved})])
+    assert group_squares([elsewhere], found)[Kind.POSITION] == [pytest.approx(before, rel=0.01)]
+    (blocks,) = elsewhere.residuals(found.hypothesis, [found.z])
+    assert np.abs(blocks[0, Kind.POSITION].value).max() > 0.05
+
+
+def test_a_joint_that_never_had_torque_counts_all_the_same():
+    model = model_of(logs(motions=["slow"], limp_s=2.0))
+    (one,) = model.observed
+    start = one.replay.start.copy()
+    start[fields.ENABLED] = 0.0
+    limp = replace(one, replay=replace(one.replay, start=start))
+    assert not limp.driven(limp.position.t_s).any()
+    block = Block(limp.position.t_s, limp.position.value, 0.0 * limp.position.value)
+    assert while_driven(limp, block) is block

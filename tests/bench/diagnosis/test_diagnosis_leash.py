@@ -7,9 +7,10 @@ import pytest
 from pendulum_logs import CONDITION, JOINT, POSITION, logs, model_of, robot
 
 from bench.diagnosis.joint.diagnosis import diagnose_joint
-from bench.diagnosis.joint.fit import block_rms, fit
+from bench.diagnosis.joint.fit import fit
 from bench.diagnosis.joint.leash import LEASH_RAD_S, path
 from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.remaining import block_rms
 from bench.diagnosis.joint.views import Views
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.observed import Channel, observe

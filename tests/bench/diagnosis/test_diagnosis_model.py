@@ -10,21 +10,19 @@ import bench.diagnosis.joint.fit as fit_module
 from bench.diagnosis.joint.fit import (
     DAMPINGS,
     block_costs,
-    block_rms,
     bounds,
     estimate_noise,
     fit,
     least_squares,
     linearise,
     prior_cost,
-    remaining,
-    score,
     steps,
 )
 from bench.diagnosis.joint.intervals import covariances, estimates
 from bench.diagnosis.joint.left import INSTANT_S, WILD, Left, averaged
 from bench.diagnosis.joint.model import LATEST, Hypothesis, JointModel, Kind
 from bench.diagnosis.joint.nuisances import GEAR_LEVELS
+from bench.diagnosis.joint.remaining import block_rms, remaining, score
 from bench.diagnosis.joint.search import NEEDED, confirm
 from bench.diagnosis.joint.sways import FRICTION, SUPPLY
 from bench.diagnosis.knobs import effect_knobs

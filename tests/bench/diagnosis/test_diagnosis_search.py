@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, POSITION, logs, model_of
 
-from bench.diagnosis.joint.fit import Fit, Score, fit
+from bench.diagnosis.joint.fit import Fit, fit
 from bench.diagnosis.joint.floor import tolerance
 from bench.diagnosis.joint.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.remaining import Score
 from bench.diagnosis.joint.rivals import AS_GOOD, CLOSE, NONE_LEAST, _among, contemporaries, rivals
 from bench.diagnosis.joint.screening import (
     CLOSER,

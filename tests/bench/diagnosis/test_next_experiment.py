@@ -29,6 +29,7 @@ from bench.diagnosis.joint.next_experiment import (
 from bench.diagnosis.joint.rivals import CLOSE
 from bench.diagnosis.knobs import effect_knobs
 from bench.motions import MOTIONS as MENU
+from sim.drive import fields
 from sim.effects import effect
 
 
@@ -161,6 +162,24 @@ def contest(model, named, other, known=None, inflation=1.0):
     imagined = model.of([choice.observed for choice in menu(model)[:3]])
     known = information(model, other) if known is None else known
     return Contest(model, imagined, named, other, known, inflation)
+
+
+def test_what_two_make_of_a_joint_that_is_let_go_tells_nothing(small):
+    """It falls from where it was, and comes to rest elsewhere if friction is a little more."""
+    named, other = fit_at(small, "coulomb_friction", 3.0), fit_at(small, "dead_zone", 0.0)
+    ramp = next(c.observed for c in menu(small) if c.plan.motion.name == "slow_ramp")
+    off = np.insert(ramp.replay.events, 1, [0.001, fields.ENABLED, 0.0], axis=0)
+    limp = replace(ramp, replay=replace(ramp.replay, events=off))
+    everything = information(small, other) * 1e6  # the rival cannot follow
+    driven, falling = (
+        Contest(small, small.of([one]), named, other, everything, 1.0) for one in (ramp, limp)
+    )
+    (ours,), (theirs,) = (
+        falling.imagined.residuals(fit.hypothesis, [fit.z]) for fit in (named, other)
+    )
+    assert np.abs(ours[0, Kind.POSITION].value - theirs[0, Kind.POSITION].value).max() > 0.02
+    assert falling.promised(0) < 0.5 < 2.0 < driven.promised(0)
+    assert falling.fitted(0) < 0.5
 
 
 def test_an_experiment_is_imagined_as_what_is_named_has_it(small):
