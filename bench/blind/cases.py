@@ -144,9 +144,9 @@ def rerun(case: str | Path, secret: str, plan: Plan) -> Recording:
     if key["generator"] != generator():
         raise SealError(f"{case}: was made by another version of the generator: write it again")
     mark = digest(json.dumps(plan.document(), sort_keys=True).encode())[:8]
-    group = f"next-{plan.motion.name}" if isinstance(plan, ExperimentPlan) else "next-walk"
-    drawn = draft(key["seed"], Asked.of(key["asked"]))
-    return drawn.measure(plan, f"{group}-{mark}", group, 1.0).recording
+    what = plan.motion.name if isinstance(plan, ExperimentPlan) else "walk"
+    name = f"next-{what}-{mark}"
+    return draft(key["seed"], Asked.of(key["asked"])).measure(plan, name, name, 1.0).recording
 
 
 @cache

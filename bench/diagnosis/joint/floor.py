@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 
 ENGINE_RAD = 0.0015  #: what two sound simulations of a usual joint differ by, band and all
 SOUND_RAD = 0.0010  #: the same without dry friction, tolerances fitted; see docs on two engines
+#: share by which the way that goals go may be another: loops that write them run at other instants
+#: each time, and slow ones miss the ends of a motion; assumed
+SAME_WAY = 0.04
 REPEATS = 0.05  #: assumed: share by which dry friction is another from one motion to the next
 
 
@@ -34,17 +37,27 @@ def noise_floor(observed: Sequence[Observed], blocks: Blocks) -> float:
     the model's own error, cancels, and so do goals that came at other instants.
     """
     rounding = max(o.position.quantum for o in observed) / np.sqrt(12.0)
-    groups: dict[str, list[Block]] = {}
+    groups: dict[str, list[int]] = {}
     for r, one in enumerate(observed):
         if (r, Kind.POSITION) in blocks:
-            groups.setdefault(one.group, []).append(blocks[r, Kind.POSITION])
+            groups.setdefault(one.group, []).append(r)
     squares = [
         square
         for some in groups.values()
-        for pair in itertools.pairwise(some)
-        if (square := _difference(*pair)) is not None
+        for a, b in itertools.pairwise(some)
+        if same_goals(observed[a], observed[b])
+        and (square := _difference(blocks[a, Kind.POSITION], blocks[b, Kind.POSITION])) is not None
     ]
     return float(max(rounding, np.sqrt(np.mean(squares)))) if squares else float(rounding)
+
+
+def same_goals(one: Observed, other: Observed) -> bool:
+    """Whether the goals of two recordings of a group go as far, as those of repeats do.
+
+    An experiment may be done again a little farther or faster, under the name that it had.
+    """
+    ways = [float(np.sum(np.abs(np.diff(each.goal[1])))) for each in (one, other)]
+    return bool(abs(ways[0] - ways[1]) <= SAME_WAY * max(ways) + one.position.quantum)
 
 
 def _difference(one: Block, other: Block) -> float | None:

@@ -16,7 +16,7 @@ from .faint import changes_little
 from .fit import Fit, fit
 from .model import JointModel, Kind
 from .remaining import Score
-from .screening import screen, worth_fitting
+from .screening import screen, stretched, worth_fitting
 from .search import (
     HELD_OUT,
     NEEDED,
@@ -74,7 +74,7 @@ def grow(
             say(f"step {step + 1}: trying every effect")
             left = [e for n, e in effects.items() if n not in now.hypothesis.effects]
             ranking = screen(model, now, left)
-            ranking = worth_fitting(ranking, SURE)
+            ranking = worth_fitting(ranking, SURE, stretched(model, now))
             gains = []
             for _, name, start in ranking:
                 say(f"step {step + 1}: fitting {name}")

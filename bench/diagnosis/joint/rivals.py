@@ -9,7 +9,7 @@ import numpy as np
 from sim.effects import Effect
 
 from ..result import Rival
-from .faint import hardly_better
+from .faint import SURELY, hardly_better
 from .fit import EDGE, Fit
 from .model import JointModel
 from .screening import screen
@@ -79,7 +79,8 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     """Probability of an effect among some that were fitted in its place, and those close behind.
 
     A likelihood is sure of whatever repeats. Where two differ by less than engines do, that is no
-    more than a hint which of them it is. What is the same in other words is no rival.
+    more than a hint which of them it is, unless it is more than engines ever made. What is the same
+    in other words is no rival.
     """
     tried = [gain for gain in tried if not _in_other_words(gain, named)]
     scale = float(np.exp(np.mean(np.log([g.inflation for g in (named, *tried)]))))
@@ -91,7 +92,8 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     alike = [
         g.effect
         for g in tried
-        if behind[g.effect] > AS_GOOD and hardly_better([model], g.fit, named.fit)
+        if behind[g.effect] > AS_GOOD
+        and hardly_better([model], g.fit, named.fit, sure=behind[g.effect] > SURELY)
     ]
     for other in alike:  # together as likely as one
         together = AS_GOOD + float(np.log(len(alike))) / TEMPER

@@ -6,7 +6,7 @@ What nuisances and effects already in could do instead is projected out by their
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import product
 
 import numpy as np
@@ -147,13 +147,29 @@ def screen(
 
 
 def worth_fitting(
-    ranking: Sequence[tuple[float, str, Floats]], least: int
+    ranking: Sequence[tuple[float, str, Floats]], least: int, stretched: Collection[str] = ()
 ) -> list[tuple[float, str, Floats]]:
-    """Those of a ranking that are worth a fit, the best first; ``least`` of them at least."""
+    """Those of a ranking that are worth a fit, the best first; ``least`` of them at least.
+
+    ``stretched`` always are, however little one try of them promises.
+    """
     most = least + MORE
     more = [row for row in ranking[least:most] if row[0] > PROMISING]
     alike = [row for row in ranking[most : most + ALIKE] if row[0] > LIKE * ranking[0][0]]
-    return [*ranking[:least], *more, *(alike if len(more) == MORE else [])]
+    worth = [*ranking[:least], *more, *(alike if len(more) == MORE else [])]
+    return worth + [row for row in ranking[len(worth) :] if row[1] in stretched]
+
+
+def stretched(model: JointModel, base: Fit) -> set[str]:
+    """Effects whose own tolerances have gone as far as they may."""
+    low, high = bounds(model, base.hypothesis)
+    ends = (base.z < low + EDGE) | (base.z > high - EDGE)
+    at_end = {
+        n.name
+        for n, end, least in zip(model.nuisances, ends, low, strict=False)
+        if end and least < 0.0
+    }
+    return {effect for effect, nuisance in TWINS.items() if nuisance in at_end}
 
 
 def _ranking(

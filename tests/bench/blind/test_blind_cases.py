@@ -192,6 +192,9 @@ def test_rerun_is_on_the_same_specimen(folder: Path) -> None:
     assert first.metadata["servo"]["1"]["registers"]["position_p_gain"] == 300
     assert first.metadata["condition"]["motion"] == "dither"
     assert first.duration_s == pytest.approx(3.0, abs=0.1)
+    bolder = ExperimentPlan(motion("dither", duration_s=3.0, amplitude_rad=0.5), plan.registers)
+    groups = {each.metadata["group"] for each in (first, second, rerun(folder, SECRET, bolder))}
+    assert len(groups) == 2, "another experiment is no repeat"
 
 
 def test_rerun_refuses_another_generator(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

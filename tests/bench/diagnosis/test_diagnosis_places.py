@@ -1,12 +1,14 @@
 """Where a misfit lives, what is left of it, and how small it can be."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pendulum_logs import JOINT, MOTIONS, logs, model_of, robot
 
 from bench.diagnosis.joint.diagnosis import SIGNIFICANT, diagnose_joint
 from bench.diagnosis.joint.diagnosis import _unexplained as left
-from bench.diagnosis.joint.floor import ENGINE_RAD, noise_floor, tolerance
+from bench.diagnosis.joint.floor import ENGINE_RAD, noise_floor, same_goals, tolerance
 from bench.diagnosis.joint.model import Kind
 from bench.diagnosis.joint.regimes import (
     EVERYWHERE,
@@ -275,6 +277,19 @@ def repeats(make):
 
 def test_repeats_that_scatter_raise_the_floor_to_their_spread():
     assert repeats(noise) == pytest.approx(SIZE_RAD, rel=0.1)
+
+
+def test_what_goes_farther_is_no_repeat_whatever_its_name():
+    """An experiment done again, a tenth bolder: what differs is no noise."""
+    model = model_of(logs(motions=["fast"] * 2, groups=["fast"] * 2))
+    one, other = model.observed
+    times, goals = other.goal
+    for share, expected in ((1.1, False), (1.02, True)):
+        bolder = replace(other, goal=(times, share * goals))
+        assert same_goals(one, bolder) is expected
+        floor = noise_floor([one, bolder], planted(model, noise))
+        rounding = one.position.quantum / np.sqrt(12.0)
+        assert (floor == pytest.approx(rounding)) is not expected
 
 
 def test_what_all_repeats_share_is_no_noise():

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, POSITION, logs, model_of
 
-from bench.diagnosis.joint.fit import Fit, fit
+from bench.diagnosis.joint.faint import SURELY
+from bench.diagnosis.joint.fit import Fit, bounds, fit
 from bench.diagnosis.joint.floor import tolerance
 from bench.diagnosis.joint.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.joint.model import Hypothesis, Kind
@@ -21,6 +22,7 @@ from bench.diagnosis.joint.screening import (
     limits,
     screen,
     starts,
+    stretched,
     vectors_to_try,
     worth_fitting,
 )
@@ -128,11 +130,23 @@ def test_a_rival_that_leaves_no_more_than_engines_differ_by_is_close(monkeypatch
     """However sure the likelihood is, which counts what repeats."""
     model = model_of(logs(motions=["slow"]))
     named, other = sized("gain_error", 0.0, 1000.0), sized("dead_zone", 0.0, 900.0)
-    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: hardly)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_, sure: hardly)
     probability, close = _among(model, named, [other])
     assert [rival.effect for rival in close] == (["dead_zone"] if hardly else [])
     assert [rival.behind_nats for rival in close] == ([AS_GOOD] if hardly else [])
     assert (probability < 0.75) is hardly
+
+
+@pytest.mark.parametrize(("behind", "sure"), [(0.9 * SURELY, False), (1.1 * SURELY, True)])
+def test_a_rival_is_asked_as_a_name_is_how_much_it_leaves(monkeypatch, behind, sure):
+    """Of what is so far behind that no engines made it, a small trace is enough."""
+    asked = []
+    monkeypatch.setattr(
+        "bench.diagnosis.joint.rivals.hardly_better", lambda *_, sure: asked.append(sure)
+    )
+    named, other = sized("gain_error", 0.0, 1000.0), sized("dead_zone", 0.0, 1000.0 - behind)
+    _among(model_of(logs(motions=["slow"])), named, [other])
+    assert asked == [sure]
 
 
 @pytest.mark.parametrize("others", [1, 2, 6])
@@ -148,7 +162,7 @@ def test_many_rivals_that_leave_as_little_are_together_as_likely_as_one(monkeypa
         "zero_offset",
     )
     names = list(amounts[:others])
-    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: True)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_, sure: True)
     probability, close = _among(model, named, [sized(name, 0.0, 900.0) for name in names])
     assert [rival.effect for rival in close] == names
     alone, _ = _among(model, named, [sized("dead_zone", 0.0, 900.0)])
@@ -160,7 +174,7 @@ def test_many_rivals_that_leave_as_little_are_together_as_likely_as_one(monkeypa
 def test_a_name_that_holds_another_is_never_likelier_than_it(monkeypatch, ahead, behind):
     """It always fits as well; where its numbers agreed, that says nothing for it."""
     model = model_of(logs(motions=["slow"]))
-    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: False)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_, sure: False)
     named = sized("load_friction", 0.0, 300.0)
     other = sized("directional_load_friction", 0.0, 300.0 + ahead)
     probability, close = _among(model, named, [other])
@@ -181,7 +195,7 @@ def test_what_is_the_named_effect_in_other_words_is_no_rival(
 ):
     """Friction that falls from 5 rad/s on, which is its bound, falls nowhere in slow motions."""
     model = model_of(logs(motions=["slow"]))
-    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_: True)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_, sure: True)
     knobs = effect_knobs(effect("stribeck_friction"))
     z = np.append(np.zeros(len(model.nuisances)), [knobs[0].at(more_nm), knobs[1].at(speed_rad_s)])
     other = Gain("stribeck_friction", Fit(Hypothesis(knobs), z, {}, 0.0), 300.0, 1.0)
@@ -489,6 +503,20 @@ def test_of_many_effects_that_are_alike_more_are_worth_a_fit():
     assert worth_fitting(apart, 3) == apart[:6]
     assert worth_fitting(alike, 3) == alike[:8]
     assert worth_fitting(none, 3) == none[:3]
+    assert worth_fitting(apart, 3, {"effect1", "effect8"}) == [*apart[:6], apart[8]]
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_what_a_tolerance_at_its_end_is_a_part_of_is_tried_in_full(side):
+    """Many of them together may be near what is hidden, and then no one try promises much."""
+    model = model_of(logs(motions=["slow"]))
+    ends = bounds(model, Hypothesis())
+    z = np.zeros(len(model.nuisances))
+    names = [n.name for n in model.nuisances]
+    assert stretched(model, Fit(Hypothesis(), z, {}, 0.0)) == set()
+    rotor = names.index("rotor_level")
+    z[rotor] = ends[side][rotor]
+    assert stretched(model, Fit(Hypothesis(), z, {}, 0.0)) == {"rotor_inertia"}
 
 
 def test_a_time_is_not_screened_below_a_tick_of_the_firmware(monkeypatch):
