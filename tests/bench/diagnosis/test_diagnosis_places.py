@@ -289,7 +289,7 @@ def test_what_goes_farther_is_no_repeat_whatever_its_name():
         assert same_goals(one, bolder) is expected
         floor = noise_floor([one, bolder], planted(model, noise))
         rounding = one.position.quantum / np.sqrt(12.0)
-        assert (floor == pytest.approx(rounding)) is not expected
+        assert bool(floor == pytest.approx(rounding)) is not expected
 
 
 def test_what_all_repeats_share_is_no_noise():

@@ -79,8 +79,10 @@ def test_a_weight_that_was_off_need_not_be_taken_off(small):
         replace(small.observed[0], condition={"payload_kg": kg, "payload_at_m": 0.08})
         for kg in (0.0, 0.2)
     )
-    plans = {(c.plan.payload_kg, c.plan.payload_at_m) for c in menu(small.of([off, on]))}
+    choices = menu(small.of([off, on]))
+    plans = {(c.plan.payload_kg, c.plan.payload_at_m) for c in choices}
     assert plans == {(0.0, 0.08), (0.2, 0.08), (0.2, 0.04)}
+    assert len(choices) == len(MENU) * (2 * len(GAINS) + 1)
 
 
 def test_a_rig_without_a_weight_has_none_to_hang_elsewhere(small):
