@@ -59,7 +59,7 @@ def prove(
     processes: Annotated[int, typer.Option(min=1, help="How many run at a time.")] = 2,
     active: Annotated[
         bool,
-        typer.Option("--active", help="Run the proposed next experiment where a case is open."),
+        typer.Option("--active", help="Run proposed next experiments where a case is open."),
     ] = False,
     baselines: Annotated[
         int, typer.Option(min=0, metavar="CASES", help="Run other methods on so many cases, too.")

@@ -1,4 +1,4 @@
-"""Ambiguous cases: one more experiment on the hidden specimen, the proposed one or a random one."""
+"""Ambiguous cases: more experiments on the hidden specimen, as proposed or drawn at random."""
 
 from __future__ import annotations
 
@@ -23,87 +23,120 @@ from .scoring import Row, share
 from .staging import MENU
 
 WAYS = ("proposed", "random")
+ROUNDS = 3  #: experiments that a case is followed for, one after another, at most
 
 
 @dataclass(frozen=True, slots=True)
 class Active:
-    """The second round of a proof, in its folder ``active``."""
+    """The rounds of a proof that come after its diagnoses, in its folder ``active``.
+
+    ``asked`` and ``rounds`` count from 1; the answers of a way's round 0 are the proof's own.
+    """
 
     proof: Proof
     seed: int
 
-    def answers(self, way: str) -> Answers:
-        """Where the second answers of one way are."""
+    def answers(self, way: str, asked: int) -> Answers:
+        """Where the answers of a round are."""
+        if asked == 0:
+            return self.proof.answers
         folder = self.proof.folder / "active" / way
+        own = folder / f"round-{asked}"
         more = folder / "recordings"
-        return Answers(
-            self.proof.cases, folder / "diagnoses", folder / "work", self.proof.method, more
-        )
+        return Answers(self.proof.cases, own / "diagnoses", own / "work", self.proof.method, more)
 
-    def ambiguous(self) -> dict[str, dict[str, Any]]:
-        """Cases of one joint whose first cause has rivals, with a proposed experiment."""
+    def ambiguous(self, way: str = WAYS[0], asked: int = 1) -> dict[str, dict[str, Any]]:
+        """Cases of one joint that a round is made for, with their diagnoses until then.
+
+        Their first cause has rivals, and an experiment is proposed.
+        """
+        names = self.proof.joints if asked == 1 else list(self.ambiguous(way, asked - 1))
         found = {}
-        for name in self.proof.joints:
-            diagnosis, _ = self.proof.answers.read(name)
+        for name in names:
+            diagnosis, _ = self.answers(way, asked - 1).read(name)
             if diagnosis and is_ambiguous(diagnosis) and diagnosis["next_experiment"]:
                 found[name] = diagnosis
         return found
 
-    def plans(self, name: str, diagnosis: Mapping[str, Any]) -> dict[str, ExperimentPlan]:
-        """The experiment of each way. The menu is what the diagnosis chose from."""
-        menu = json.loads((self.proof.answers.answers / name / MENU).read_text("utf-8"))
-        random = np.random.default_rng(case_seed(self.seed, f"experiment {name}"))
-        drawn = menu[int(random.integers(len(menu)))]
-        proposed = diagnosis["next_experiment"][0]["arguments"]
-        return {"proposed": ExperimentPlan.of(proposed), "random": ExperimentPlan.of(drawn)}
+    def plan(self, way: str, asked: int, name: str, diagnosis: Mapping[str, Any]) -> ExperimentPlan:
+        """The experiment of a round. What is random is of the menu that a diagnosis chose from."""
+        if way == "proposed":
+            return ExperimentPlan.of(diagnosis["next_experiment"][0]["arguments"])
+        told = f"experiment {name}" + (f" {asked}" if asked > 1 else "")
+        random = np.random.default_rng(case_seed(self.seed, told))
+        menu = json.loads((self.answers(way, asked - 1).answers / name / MENU).read_text("utf-8"))
+        return ExperimentPlan.of(menu[int(random.integers(len(menu)))])
 
-    def record(self, name: str, diagnosis: Mapping[str, Any]) -> None:
-        """Run the experiments on the hidden specimen of a case, unless that was done."""
-        for way, plan in self.plans(name, diagnosis).items():
-            folder = self.answers(way).more
-            assert folder is not None
-            if not list((folder / name).glob("*.parquet")):
-                (folder / name).mkdir(parents=True, exist_ok=True)
-                recording = rerun(self.proof.cases / name, self.proof.secret, plan)
-                write(recording, folder / name / f"{recording.name}.parquet")
+    def record(self, way: str, asked: int, name: str, diagnosis: Mapping[str, Any]) -> None:
+        """Run the experiment of a round on the hidden specimen, unless that was done."""
+        more = self.answers(way, asked).more
+        assert more is not None
+        folder = more / name
+        if len(list(folder.glob("*.parquet"))) < asked:
+            folder.mkdir(parents=True, exist_ok=True)
+            plan = self.plan(way, asked, name, diagnosis)
+            recording = rerun(self.proof.cases / name, self.proof.secret, plan)
+            write(recording, folder / f"{recording.name}-{asked}.parquet")
 
     def run(self) -> Iterator[tuple[int, int]]:
-        """Record and diagnose what is left; yields how many are done, of how many."""
-        cases = self.ambiguous()
-        left = [n for w in WAYS for n in cases if not self.answers(w).finished(n)]
-        if left and was_opened(self.proof.folder):
-            raise ProofError(f"{self.proof.folder}: the keys are open: --active comes before")
+        """Record and diagnose what is left; yields how many are done, of how many so far."""
         catalogues = {p.name: p.catalogue for p in self.proof.planned}
-        total, done = len(WAYS) * len(cases), 0
-        for name, diagnosis in cases.items():
-            self.record(name, diagnosis)
-        for way in WAYS:
-            answers = self.answers(way)
-            done += sum(answers.finished(name) for name in cases)
-            yield done, total
-            for _ in answers.answer(list(cases), catalogues, self.proof.processes):
-                done += 1
+        done = total = 0
+        for asked in range(1, ROUNDS + 1):
+            cases = {way: self.ambiguous(way, asked) for way in WAYS}
+            total += sum(map(len, cases.values()))
+            for way, some in cases.items():
+                answers = self.answers(way, asked)
+                left = [name for name in some if not answers.finished(name)]
+                if left and was_opened(self.proof.folder):
+                    folder = self.proof.folder
+                    raise ProofError(f"{folder}: the keys are open: --active comes before")
+                for name in left:
+                    self.record(way, asked, name, some[name])
+                done += len(some) - len(left)
                 yield done, total
+                if not left:
+                    continue
+                for _ in answers.answer(left, catalogues, self.proof.processes):
+                    done += 1
+                    yield done, total
 
     def score(self, keys: Mapping[str, Mapping[str, Any]]) -> Row:
-        """Shares of ambiguous cases that are resolved, by the proposed and by a random one."""
-        shares: dict[str, Row] = {}
+        """Shares of ambiguous cases that are resolved: after one experiment, and after more.
+
+        ``random``: the same of experiments drawn at random; ``after`` has both, by how many.
+        """
+        left_out = {"null", *UNKNOWN_KINDS}
+        names = [name for name in self.ambiguous() if keys[name]["kind"] not in left_out]
+        after: dict[str, dict[str, Row]] = {str(k): {} for k in range(1, ROUNDS + 1)}
         for way in WAYS:
-            answers = self.answers(way)
-            names = [n for n in self.ambiguous() if keys[n]["kind"] not in UNKNOWN_KINDS]
-            judged = [judge(name, keys[name], *answers.read(name)) for name in names]
-            shares[way] = share(is_resolved(case) for case in judged if case.kind != "null")
-        return {**shares["proposed"], "random": shares["random"]}
+            last = dict.fromkeys(names, 0)
+            for asked in range(1, ROUNDS + 1):
+                last |= {name: asked for name in self.ambiguous(way, asked) if name in last}
+                judged = [
+                    judge(name, keys[name], *self.answers(way, k).read(name))
+                    for name, k in last.items()
+                ]
+                after[str(asked)][way] = share(is_resolved(case) for case in judged)
+        first = after["1"]
+        return {**first["proposed"], "random": first["random"], "after": after}
+
+    def _given(self) -> Iterator[tuple[Answers, list[str]]]:
+        for way in WAYS:
+            for asked in range(1, ROUNDS + 1):
+                yield self.answers(way, asked), list(self.ambiguous(way, asked))
 
     def made_by(self) -> set[str]:
-        """Hashes of the sources that made the second answers."""
-        names = self.ambiguous()
-        return {self.answers(w).read(n)[1]["sources_sha256"] for w in WAYS for n in names}
+        """Hashes of the sources that made the answers of all rounds."""
+        return {
+            answers.read(name)[1]["sources_sha256"]
+            for answers, names in self._given()
+            for name in names
+        }
 
     def digest(self) -> str:
-        """A hash of the second answers."""
-        names = list(self.ambiguous())
-        return " ".join(self.answers(way).digest(names) for way in WAYS)
+        """A hash of the answers of all rounds."""
+        return " ".join(answers.digest(names) for answers, names in self._given())
 
 
 def is_ambiguous(diagnosis: Mapping[str, Any]) -> bool:

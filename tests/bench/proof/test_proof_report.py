@@ -11,6 +11,7 @@ from programs import busemu
 from sealed_cases import delayed_proof, small_proof
 
 from bench.blind import Kind
+from bench.proof import active as active_module
 from bench.proof import pictures
 from bench.proof.active import Active
 from bench.proof.answering import Answers
@@ -34,7 +35,7 @@ def ambiguous(tmp_path_factory):
     published = proof.publish()
     list(proof.answer())
     active = Active(proof, seed=9)
-    assert list(active.run())[-1] == (2, 2)
+    assert list(active.run())[-1] == (4, 4)  # one that is proposed, three at random
     return proof, active, published, write_score(proof, 9, published, active)
 
 
@@ -68,14 +69,29 @@ def test_the_proposed_experiment_is_run_on_the_hidden_specimen_and_scored(ambigu
     row = score["resolved_by_experiment"]
     assert (row["value"], row["n"], row["met"]) == (1.0, 1, "great")
     assert (row["random"]["value"], row["random"]["n"]) == (0.0, 1)
+    told = [(k, way, one["value"], one["n"]) for k in "123" for way, one in row["after"][k].items()]
+    assert told == [(k, w, float(w == "proposed"), 1) for k in "123" for w in active_module.WAYS]
 
 
-def test_the_second_round_is_not_run_again(ambiguous):
+def test_a_case_is_followed_until_it_is_decided(ambiguous):
+    """Every round has the recordings of those before it, and one more."""
+    proof, active, _, _ = ambiguous
+    assert [list(active.ambiguous("proposed", k)) for k in (1, 2)] == [["case-0001"], []]
+    assert [list(active.ambiguous("random", k)) for k in (1, 2, 3)] == [["case-0001"]] * 3
+    for k in (1, 2, 3):
+        tried = json.loads(
+            (active.answers("random", k).answers / "case-0001" / "pried.json").read_text()
+        )
+        assert sum("/next-" in path for path in tried["staged"]) == k
+    assert not (proof.folder / "active" / "proposed" / "round-2").exists()
+
+
+def test_rounds_are_not_run_again(ambiguous):
     _, active, _, _ = ambiguous
-    assert list(active.run()) == [(1, 2), (2, 2)]  # as many as there are, at once
+    assert list(active.run()) == [(1, 2), (2, 2), (2, 3), (3, 3), (3, 4), (4, 4)]
 
 
-def test_the_second_round_comes_before_the_keys_are_opened(ambiguous, tmp_path):
+def test_rounds_come_before_the_keys_are_opened(ambiguous, tmp_path):
     scored, _, _, _ = ambiguous
     without = shutil.ignore_patterns("active")
     folder = shutil.copytree(scored.folder, tmp_path / "proof", ignore=without)
