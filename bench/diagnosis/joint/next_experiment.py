@@ -37,7 +37,8 @@ Floats = NDArray[np.float64]
 SAMPLE_S = 0.01  #: assumed pace of a bus that reads one servo
 DURATION_S = 6.0
 GAINS = (0.5, 1.0, 2.0)  #: of the position gain that was recorded
-BOLDER = 1.3  #: of the motion's size that was recorded
+BOLDER = 1.3  #: of the motion's size that was recorded, if the joint may go so far
+LEAST_RAD = 0.05  #: of its amplitude; assumed
 NEARER = 0.5  #: of a weight's distance from the axis: where else it may be hung
 WEIGHT, PLACE = "payload_kg", "payload_at_m"  #: words of a recording's condition
 FOLLOWED = 4  #: steps that a rival follows in each experiment of the menu, at most
@@ -64,7 +65,10 @@ def menu(model: JointModel) -> list[Choice]:
     """
     positions = np.concatenate([o.position.value[o.position.good] for o in model.observed])
     low, high = np.quantile(positions, [0.01, 0.99])
-    amplitude, centre = BOLDER * 0.5 * float(high - low), 0.5 * float(high + low)
+    centre = model.mount.to_joint(0.5 * float(high + low))
+    joint = model.base.joints[model.index]
+    room = min(joint.upper_rad - centre, centre - joint.lower_rad)
+    amplitude = min(max(BOLDER * 0.5 * float(high - low), LEAST_RAD), room)
     used: dict[tuple[float | None, ...], Observed] = {}
     for one in model.observed:
         used.setdefault(tuple(one.condition.get(word) for word in (WEIGHT, PLACE)), one)
@@ -73,12 +77,7 @@ def menu(model: JointModel) -> list[Choice]:
     choices = []
     for name in sorted(MOTIONS):
         for gain, like in settings:
-            moves = motion(
-                name,
-                amplitude_rad=max(amplitude, 0.05),
-                center_rad=model.mount.to_joint(centre),
-                duration_s=DURATION_S,
-            )
+            moves = motion(name, amplitude_rad=amplitude, center_rad=centre, duration_s=DURATION_S)
             registers = _registers(model.table, like, gain)
             if registers is None:
                 continue

@@ -12,7 +12,7 @@ from bench.diagnosis.joint import next_experiment as proposing
 from bench.diagnosis.joint.faint import SHARED
 from bench.diagnosis.joint.fit import Fit, estimate_noise, fit
 from bench.diagnosis.joint.floor import engines_rad
-from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.joint.next_experiment import (
     ASKED,
     GAINS,
@@ -54,6 +54,17 @@ def test_the_menu_has_every_motion_at_every_gain(small):
     for choice in choices:
         t = choice.observed.replay.events[:, 0]
         assert (np.diff(t) >= 0.0).all()
+
+
+def test_no_experiment_goes_beyond_what_the_joint_may(small):
+    """Bolder than what was recorded each time, it would be there after a few."""
+    free = {choice.plan.motion.amplitude_rad for choice in menu(small)}
+    held = JointModel(small.base.clamped({"arm": (-1.3, 1.0)}), small.robot, small.observed)
+    for choice in menu(held):
+        moves = choice.plan.motion
+        assert moves.amplitude_rad < min(free)
+        assert moves.center_rad - moves.amplitude_rad >= -1.3
+        assert moves.center_rad + moves.amplitude_rad <= 1.0
 
 
 def held_at(choice, model):
