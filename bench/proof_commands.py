@@ -82,7 +82,7 @@ def prove(
     try:
         from .blind import Concealment, Kind
         from .proof import rivals
-        from .proof.active import Active
+        from .proof.active import ROUNDS, Active
         from .proof.errors import ProofError
         from .proof.plan import plan
         from .proof.report import write_score
@@ -122,7 +122,8 @@ def prove(
         _diagnose(proof)
         second = Active(proof, seed) if active or (proof.folder / "active").exists() else None
         if second:
-            _rounds("next experiments", second.run())
+            for asked in range(1, ROUNDS + 1):
+                _rounds(f"next experiments, round {asked}", second.run(asked))
         if baselines:
             _rounds("other methods", rivals.run(proof, baselines))
         score = write_score(proof, seed, published, second, baselines)
@@ -163,10 +164,12 @@ def _diagnose(proof: Proof) -> None:
 
 
 def _rounds(words: str, steps: Iterator[tuple[int, int]]) -> None:
-    """Go through what yields how many are done, of how many."""
+    """Go through what yields how many are done, of how many, if it does anything."""
     from itertools import chain
 
-    first = next(steps, (0, 0))
+    first = next(steps, None)
+    if first is None:
+        return
     with _bar(words, first[1], first[0]) as show:
         for done, _ in chain([first], steps):
             show(done)

@@ -30,7 +30,8 @@ ROUNDS = 3  #: experiments that a case is followed for, one after another, at mo
 class Active:
     """The rounds of a proof that come after its diagnoses, in its folder ``active``.
 
-    ``asked`` and ``rounds`` count from 1; the answers of a way's round 0 are the proof's own.
+    ``asked`` is which experiment of a case a round is of, from 1; the answers of round 0 are the
+    proof's own.
     """
 
     proof: Proof
@@ -62,8 +63,7 @@ class Active:
         """The experiment of a round. What is random is of the menu that a diagnosis chose from."""
         if way == "proposed":
             return ExperimentPlan.of(diagnosis["next_experiment"][0]["arguments"])
-        told = f"experiment {name}" + (f" {asked}" if asked > 1 else "")
-        random = np.random.default_rng(case_seed(self.seed, told))
+        random = np.random.default_rng(case_seed(self.seed, f"experiment {asked} of {name}"))
         menu = json.loads((self.answers(way, asked - 1).answers / name / MENU).read_text("utf-8"))
         return ExperimentPlan.of(menu[int(random.integers(len(menu)))])
 
@@ -78,28 +78,24 @@ class Active:
             recording = rerun(self.proof.cases / name, self.proof.secret, plan)
             write(recording, folder / f"{recording.name}-{asked}.parquet")
 
-    def run(self) -> Iterator[tuple[int, int]]:
-        """Record and diagnose what is left; yields how many are done, of how many so far."""
+    def run(self, asked: int) -> Iterator[tuple[int, int]]:
+        """Record and diagnose what is left of a round; yields how many are done, of how many."""
         catalogues = {p.name: p.catalogue for p in self.proof.planned}
-        done = total = 0
-        for asked in range(1, ROUNDS + 1):
-            cases = {way: self.ambiguous(way, asked) for way in WAYS}
-            total += sum(map(len, cases.values()))
-            for way, some in cases.items():
-                answers = self.answers(way, asked)
-                left = [name for name in some if not answers.finished(name)]
-                if left and was_opened(self.proof.folder):
-                    folder = self.proof.folder
-                    raise ProofError(f"{folder}: the keys are open: --active comes before")
-                for name in left:
-                    self.record(way, asked, name, some[name])
-                done += len(some) - len(left)
+        cases = {way: self.ambiguous(way, asked) for way in WAYS}
+        done, total = 0, sum(map(len, cases.values()))
+        for way, some in cases.items():
+            answers = self.answers(way, asked)
+            left = [name for name in some if not answers.finished(name)]
+            if left and was_opened(self.proof.folder):
+                raise ProofError(f"{self.proof.folder}: the keys are open: --active comes before")
+            for name in left:
+                self.record(way, asked, name, some[name])
+            done += len(some) - len(left)
+            if some:
                 yield done, total
-                if not left:
-                    continue
-                for _ in answers.answer(left, catalogues, self.proof.processes):
-                    done += 1
-                    yield done, total
+            for _ in answers.answer(left, catalogues, self.proof.processes) if left else ():
+                done += 1
+                yield done, total
 
     def score(self, keys: Mapping[str, Mapping[str, Any]]) -> Row:
         """Shares of ambiguous cases that are resolved: after one experiment, and after more.

@@ -132,7 +132,7 @@ def faint(
 def group_squares(models: Sequence[JointModel], found: Fit) -> dict[Kind, list[float]]:
     """Mean square that a fit leaves of every kind in the recordings of every group.
 
-    Of a joint that is let go only what came before: see :func:`~.fit.while_driven`.
+    Of a joint that is let go only what came before: see :func:`~.remaining.while_driven`.
     """
     values: dict[Kind, dict[object, list[Floats]]] = {}
     for model in models:

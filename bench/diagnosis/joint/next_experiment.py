@@ -68,7 +68,8 @@ def menu(model: JointModel) -> list[Choice]:
     centre = model.mount.to_joint(0.5 * float(high + low))
     joint = model.base.joints[model.index]
     room = min(joint.upper_rad - centre, centre - joint.lower_rad)
-    amplitude = min(max(BOLDER * 0.5 * float(high - low), LEAST_RAD), room)
+    reached = 0.5 * float(high - low)
+    amplitude = max(reached, min(max(BOLDER * reached, LEAST_RAD), room))
     used: dict[tuple[float | None, ...], Observed] = {}
     for one in model.observed:
         used.setdefault(tuple(one.condition.get(word) for word in (WEIGHT, PLACE)), one)

@@ -15,6 +15,7 @@ from bench.diagnosis.joint.floor import engines_rad
 from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.joint.next_experiment import (
     ASKED,
+    BOLDER,
     GAINS,
     SURE,
     Contest,
@@ -59,12 +60,15 @@ def test_the_menu_has_every_motion_at_every_gain(small):
 def test_no_experiment_goes_beyond_what_the_joint_may(small):
     """Bolder than what was recorded each time, it would be there after a few."""
     free = {choice.plan.motion.amplitude_rad for choice in menu(small)}
-    held = JointModel(small.base.clamped({"arm": (-1.3, 1.0)}), small.robot, small.observed)
+    held = JointModel(small.base.clamped({"arm": (-1.3, 1.1)}), small.robot, small.observed)
     for choice in menu(held):
         moves = choice.plan.motion
         assert moves.amplitude_rad < min(free)
         assert moves.center_rad - moves.amplitude_rad >= -1.3
-        assert moves.center_rad + moves.amplitude_rad <= 1.0
+        assert moves.center_rad + moves.amplitude_rad <= 1.1
+    tight = JointModel(small.base.clamped({"arm": (-0.5, 0.5)}), small.robot, small.observed)
+    (reached,) = {choice.plan.motion.amplitude_rad for choice in menu(tight)}
+    assert reached == pytest.approx(min(free) / BOLDER), "where it was, it may go"
 
 
 def held_at(choice, model):
