@@ -237,9 +237,24 @@ def may_be_nothing(model: JointModel, found: Fit, spread: Spread, effect: str) -
             continue
         wide = widened(found, variances, knob, count + i)
         low, high = interval(model, found, spread, wide, count + i)
-        if low > EDGE or high < -EDGE:
+        if low > EDGE or high < -EDGE or _falls(model, found, spread, variances, count + i):
             return False
     return True
+
+
+def _falls(model: JointModel, found: Fit, spread: Spread, variances: Floats, k: int) -> bool:
+    """Whether the likelihood falls by more than an interval's ends do where a number is off.
+
+    Where what could stand in for it has gone as far as it may, variances do not know that.
+    """
+    knob = found.hypothesis.knobs[k - len(model.nuisances)]
+    if knob.parameter.unit == "s":
+        return False
+    own = max(float(spread.believed[k, k]), 1e-30)
+    start = found.z.copy()
+    start[k] = 0.0
+    off = fit(model, found.hypothesis, start, found.noise, rounds=1, held=[k])
+    return (off.cost - found.cost) / max(1.0, float(variances[k]) / own) > FALL
 
 
 def estimates(model: JointModel, found: Fit, effect: str) -> dict[str, Estimate]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -34,6 +35,9 @@ from .search import RobotSearch
 from .settling import RobotJudges, far_off
 
 Floats = NDArray[np.float64]
+
+#: what was found, the names that hold, the fit with them, and those taken back
+Named = tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]
 
 PLACES = 6  #: of a joint in stance or swing whose rest is told in details, the most foretold
 
@@ -108,16 +112,12 @@ class Work:
     def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
         """Search, judge, and say what was found."""
         model = self.model
-        base = begun = self.search.believed()
+        base = begun = self.held.firm(self.search.believed(), self.tell)
         play = self._play(base, without)
         if play is not None:
             # what rattles leaves much that no name explains: one search is enough
             begun, without = self._with_play(base, play), without | RATTLING
-        found, after = self.search.nothing(begun), begun
-        taken: list[RobotGain] = []
-        rejected: list[Mapping[str, Any]] = []
-        if not self.held.consistent(begun):
-            found, taken, after, rejected = self.searched(begun, without, play is None)
+        found, taken, after, rejected = self.named(begun, without, play is None)
         if play is None and self.rattling.denies(after):
             taken, after = self._without_play(found, taken, after)
         if play is not None and not self.rattling.bears_out(play.beside(after)):
@@ -213,9 +213,23 @@ class Work:
                 kept.append(gain)
         return kept, after
 
-    def searched(
-        self, base: RobotFit, without: frozenset[str], again: bool
-    ) -> tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
+    def named(self, base: RobotFit, without: frozenset[str], again: bool) -> Named:
+        """What :meth:`searched` gives, where more than noise is left.
+
+        Else no more than what stands for tolerances at their ends, if there is time for that.
+        """
+        if not self.held.consistent(base):
+            return self.searched(base, without, again)
+        found = self.search.nothing(base)
+        if self.held.at_ends(base):
+            with suppress(OutOfTimeError):
+                found = self.search.beyond(base, without)
+        taken, after, rejected = self.held.kept(found, self.tell)
+        if not taken:  # what was consistent is so, wherever else fits without a name have led
+            found, after = replace(found, base=base, fit=base, taken=()), base
+        return found, taken, after, rejected
+
+    def searched(self, base: RobotFit, without: frozenset[str], again: bool) -> Named:
         """What a search found, the names that hold, the fit with them, and those taken back.
 
         No more names are looked for where a robot with them is as far from its recordings as one

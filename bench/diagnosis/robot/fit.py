@@ -67,13 +67,15 @@ def voltage_noise(model: RobotModel, recordings: int) -> Noise:
 class Sight:
     """Some recordings and kinds of channels of a model: what a fit is allowed to see.
 
-    ``held`` are knobs that are known from elsewhere, by the names of their effects.
+    ``held`` are knobs that are known from elsewhere, by the names of their effects. ``firm`` is how
+    many times priors count.
     """
 
     def __init__(self, model: RobotModel, which: Sequence[int], kinds: Iterable[RobotKind]) -> None:
         self.model, self.which = model, tuple(which)
         self.kinds = tuple(kind for kind in kinds if kind in model.floors())
         self.held: dict[str, float] = {}
+        self.firm = 1.0
 
     def blocks(
         self, names: Sequence[str], z: Floats, which: Sequence[int] | None = None
@@ -160,7 +162,7 @@ class Sight:
         return np.array(low), np.array(high)
 
     def _prior(self, z: Floats, names: Sequence[str]) -> float:
-        return 0.5 * float(np.sum(z[: len(z) - len(names)] ** 2))
+        return 0.5 * self.firm * float(np.sum(z[: len(z) - len(names)] ** 2))
 
     def _least_squares(
         self,
@@ -170,7 +172,7 @@ class Sight:
         which: Sequence[int] | None,
     ) -> tuple[Floats, RobotBlocks]:
         low, high = self.box(names)
-        prior = np.ones(len(z))
+        prior = np.full(len(z), self.firm)
         prior[len(z) - len(names) :] = 0.0
         blocks = self.blocks(names, z, which)
         now = self.cost(blocks, noise) + self._prior(z, names)
@@ -228,7 +230,7 @@ class Sight:
         weight = huber_weight(residual)
         scores = jacobian * (weight * residual)[:, None]
         cluster = self._stretches(self.blocks(found.names, found.z))
-        prior = np.ones(len(found.z))
+        prior = np.full(len(found.z), self.firm)
         prior[len(found.z) - len(found.names) :] = 0.0
         low, high = self.box(found.names)
         prior[low == high] = HELD

@@ -76,10 +76,12 @@ class RobotFindings:
 
 
 def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:
-    """Gains of one step divided by one inflation, the mean of those that gain; best first.
+    """Gains of one step divided by one inflation, the mean of those that gain (or of all).
+
+    The best first.
 
     What is compared is how far each follows the same recordings.
     """
-    useful = [g.inflation for g in gains if g.nats > 0.0]
+    useful = [g.inflation for g in gains if g.nats > 0.0] or [g.inflation for g in gains]
     common = float(np.exp(np.mean(np.log(useful)))) if useful else 1.0
     return sorted((replace(g, inflation=common) for g in gains), key=lambda g: -g.deflated)

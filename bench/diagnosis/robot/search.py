@@ -91,6 +91,25 @@ class RobotSearch(Steps):
         now, taken = self._standing(base, now, taken)
         return RobotFindings(base, now, tuple(taken), (*tried, *alone), alike, screened)
 
+    def beyond(self, base: RobotFit, without: Collection[str] = ()) -> RobotFindings:
+        """What stands for tolerances at their ends, of a robot that is otherwise as believed.
+
+        ``without`` are effects of the catalogue that are left out.
+        """
+        model = self.model
+        far = stretched(model.nuisances, base.nuisances)
+        names = {name for name in far if model.placed[name].effect.name not in without}
+        if not names:
+            return self.nothing(base)
+        self.around(base)
+        screen = self.screen(base)
+        ranking = screen.rank(sorted(names))
+        chosen, now, tried = self._chosen(base, self._step(ranking, base, 0), names)
+        if chosen is None:
+            return RobotFindings(now, now, (), (tried,), {}, tuple(ranking))
+        alike = {chosen.name: self._alike(screen, chosen, tried, sorted(names))}
+        return RobotFindings(now, chosen.fit, (chosen,), (tried,), alike, tuple(ranking))
+
     def _sought(self, names: Collection[str]) -> Sought:
         return Sought.much(self.sight, names)
 

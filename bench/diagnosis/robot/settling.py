@@ -12,11 +12,11 @@ from busemu.tables import Robot
 
 from ..joint.growing import RELIEF
 from ..joint.rivals import CLOSE
-from .causes import ENGINES_SHARE
+from .causes import ENGINES_SHARE, number_of
 from .features import RobotKind
 from .fit import RobotFit, voltage_noise
 from .gains import RobotFindings, RobotGain
-from .improved import of_settings
+from .improved import knob_of, of_settings
 from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
 from .model import Progress, RobotModel
 from .nuisances import RobotNuisance
@@ -27,6 +27,7 @@ from .steps import WORSE
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
 FITTED, JUDGED = 0.6, 1.8
+FAR = 3.0  #: times that from which no tolerances are looked for that leave less; assumed
 #: RMS of walked samples over that of a sound model, up to which recordings that judge are as
 #: believed; ten nulls of the other engine had 1.0 to 1.4
 SAMPLES = 1.6
@@ -41,6 +42,7 @@ LITTLE = 0.1  #: share of the misfit above the floor that a name must take away 
 #: for; assumed
 SPOILT = 0.1
 SIZES = (-1.0, -0.5, 0.5, 1.0)  #: of what two engines differ by, that a name is asked for at
+ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 NO_BETTER = "recordings that were not used to fit are no better with it"
 
 
@@ -91,7 +93,24 @@ class RobotJudges:
         which is off by itself: the mean over all hides that. Nor one whose samples are far off:
         what differs from turn to turn counts as noise of the means.
         """
-        if len(self.at_ends(base)) > ENDS or self.volts_denied(base):
+        return len(self.at_ends(base)) <= ENDS and self.quiet(base)
+
+    def firm(self, base: RobotFit, say: Progress) -> RobotFit:
+        """What the operator believes, with tolerances held more firmly, where that is consistent.
+
+        A robot that leaves no more than noise with its tolerances well inside is as believed,
+        however much less than noise another one leaves with more of them at their ends. Where there
+        is none, or where ``base`` is consistent or far from it: ``base`` itself.
+        """
+        if self.consistent(base) or self.over_noise(base, self.which) > FAR * FITTED:
+            return base
+        say("fitting what the operator believes, tolerances held firmly")
+        firm = self.search.firmly(base)
+        return firm if self.consistent(firm) else base
+
+    def quiet(self, base: RobotFit) -> bool:
+        """Whether no more than noise is left, wherever tolerances have gone for that."""
+        if self.volts_denied(base):
             return False
         fitted = self.over_noise(base, self.which) < (STANDING if self.stands else FITTED)
         judged = not self.held_out or self.over_noise(base, self.judges) < JUDGED
@@ -226,10 +245,16 @@ class RobotJudges:
 
         All together may not make whole recordings, standing up and all, half as bad again. Before
         a name is taken back it is asked for at other sizes, as far as two engines differ about it.
+        Where no more than noise is left without any, each must be more than a tolerance has.
         """
         taken, now = list(found.taken), found.fit
-        begun = self.samples(found.base).whole if self.held_out and taken else 0.0
         rejected: list[Mapping[str, Any]] = []
+        for gain in found.taken if taken and self.quiet(found.base) else ():
+            if self.ordinary(now, gain.name):
+                now = self.without(found.base, now, gain.name)
+                taken = [other for other in taken if other is not gain]
+                rejected.append(self._taken_back(gain, ORDINARY))
+        begun = self.samples(found.base).whole if self.held_out and taken else 0.0
         resized: set[str] = set()
         while taken and self.held_out:
             say("asking recordings that were not used to fit")
@@ -247,17 +272,31 @@ class RobotJudges:
                 if other is not now:
                     now = other
                     continue
-            rejected.append(
-                {
-                    "effect": self.model.placed[worst.name].effect.name,
-                    "scope": list(self.model.placed[worst.name].where),
-                    "gain_nats": float(worst.deflated),
-                    "because": NO_BETTER,
-                }
-            )
+            rejected.append(self._taken_back(worst, NO_BETTER))
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
         return taken, now, rejected
+
+    def _taken_back(self, gain: RobotGain, because: str) -> Mapping[str, Any]:
+        """A name that does not hold, as ``diagnosis.json`` has it."""
+        return {
+            "effect": self.model.placed[gain.name].effect.name,
+            "scope": list(self.model.placed[gain.name].where),
+            "gain_nats": float(gain.deflated),
+            "because": because,
+        }
+
+    def ordinary(self, now: RobotFit, name: str) -> bool:
+        """Whether a name may be no more than a tolerance has it, by its interval."""
+        model = self.model
+        placed = model.placed[name]
+        same = next((n for n in model.nuisances if name in n.same), None)
+        if same is None:
+            return False
+        knobs = [knob_of(model.base, placed, same, end) for end in same.ends]
+        ends = [placed.knob.value(knob) for knob in knobs if knob is not None]
+        low, high = number_of(self.search, now, name).ci95
+        return bool(ends) and low <= max(ends) and high >= min(ends)
 
     def _spare(self, without: RobotFit, now: RobotFit, seen: Squares, least: float) -> float:
         """How much more than it must a name takes off the square that judges see [rad^2].

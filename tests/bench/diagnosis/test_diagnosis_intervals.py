@@ -10,7 +10,15 @@ from pendulum_logs import POSITION, logs, model_of, robot
 from bench.diagnosis.joint import intervals, settling, valleys
 from bench.diagnosis.joint.confidence import NORMAL
 from bench.diagnosis.joint.fit import Fit, fit
-from bench.diagnosis.joint.intervals import FALL, REACH, Spread, _inverse, estimates, interval
+from bench.diagnosis.joint.intervals import (
+    FALL,
+    REACH,
+    Spread,
+    _inverse,
+    estimates,
+    interval,
+    may_be_nothing,
+)
 from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.joint.nuisances import LATE_S
 from bench.diagnosis.joint.search import HELD_OUT, NEEDED, Gain, Outside
@@ -414,6 +422,33 @@ def test_an_interval_that_holds_nothing_is_no_name_however_much_is_gained(
     denied = _unsure(model, found, parts, {})
     assert (denied is not None) is nothing
     assert denied is None or denied.because == NOTHING
+
+
+@pytest.mark.parametrize(
+    ("name", "fall", "nothing"),
+    [
+        ("viscous_friction", 0.9 * FALL, True),
+        ("viscous_friction", 1.1 * FALL, False),
+        ("transport_delay", 1e6, True),  # where in their ticks firmwares are, no likelihood knows
+    ],
+)
+def test_a_size_is_not_nothing_where_the_likelihood_falls_though_variances_are_wide(
+    monkeypatch, name, fall, nothing
+):
+    """They do not know that what could stand in for it has gone as far as it may."""
+    model, found = with_numbers(name, [0.1])
+    k = len(model.nuisances)
+    variances = np.ones(k + 1)
+    spread = SimpleNamespace(variances=lambda: variances, believed=0.25 * np.eye(k + 1))
+    asked = []
+
+    def off(model, hypothesis, start, noise, rounds, held):
+        asked.append((float(start[k]), held))
+        return replace(found, cost=found.cost + 4.0 * fall)  # variances are four times as wide
+
+    monkeypatch.setattr(intervals, "fit", off)
+    assert may_be_nothing(model, found, spread, name) is nothing
+    assert asked == ([] if name == "transport_delay" else [(0.0, [k])])
 
 
 @pytest.mark.parametrize(

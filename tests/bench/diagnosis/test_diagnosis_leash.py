@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulum_logs import CONDITION, JOINT, POSITION, logs, model_of, robot
+from pendulum_logs import CONDITION, JOINT, MOTIONS, POSITION, logs, model_of, robot
 
 from bench.diagnosis.joint.diagnosis import diagnose_joint
 from bench.diagnosis.joint.fit import fit
 from bench.diagnosis.joint.leash import LEASH_RAD_S, path
-from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.joint.remaining import block_rms
-from bench.diagnosis.joint.views import Views
+from bench.diagnosis.joint.settling import Settled
+from bench.diagnosis.joint.views import View, Views
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.observed import Channel, observe
 from bench.diagnosis.watch import Watch
@@ -118,3 +119,46 @@ def test_play_of_a_joint_that_hunts_is_named_with_its_size():
     (cause,) = found.causes
     assert cause.effect == "backlash"
     assert cause.parameters["width_rad"].value == pytest.approx(WIDTH_RAD, rel=0.05)
+
+
+def repeated(*widths_rad, motions=tuple(MOTIONS)):
+    """Repeats of motions whose swings fall out of step, as play is a little more each time."""
+    return [
+        replace(one, name=f"{one.name}-{k}")
+        for k, width_rad in enumerate(widths_rad)
+        for one in observe(
+            hunting({"backlash": {"width_rad": width_rad}}, motions=motions), robot(), JOINT
+        )
+    ]
+
+
+def as_believed(observed):
+    """A view of recordings in which nothing was found, and nothing is left but what is noise."""
+    model = JointModel(read_model(robot()), robot(), observed, sprung=True)
+    nothing = fit(model, Hypothesis(), np.zeros(len(model.nuisances)), rounds=1)
+    settled = Settled(nothing, (), (), {}, (), 0.0)
+    view = View(model, nothing, model, {}, 0.0, {}, settled)
+    view.__dict__["structured"] = False
+    return view
+
+
+@pytest.mark.parametrize(("widths_rad", "asked"), [((0.05, 0.0515), True), ((0.05, 0.05), False)])
+def test_where_repeats_differ_and_nothing_is_left_a_leash_is_asked(monkeypatch, widths_rad, asked):
+    free, led = as_believed(repeated(*widths_rad, motions=("slow", "fast"))), object()
+    assert free.restless is asked
+    monkeypatch.setattr(Views, "_free", lambda self, observed, judged: free)
+    monkeypatch.setattr(Views, "_led", lambda self, view: led)
+    views = Views(read_model(robot()), robot(), {}, None, None, Watch(print))
+    assert views.look((), ()) is (led if asked else free)
+
+
+@pytest.mark.slow
+def test_play_that_makes_repeats_differ_is_no_noise():
+    effects = {n: effect(n) for n in ("backlash", "coulomb_friction", "joint_compliance")}
+    observed = repeated(WIDTH_RAD, 1.03 * WIDTH_RAD)
+    found = diagnose_joint(read_model(robot()), robot(), observed, effects=effects).diagnosis
+    (cause,) = found.causes
+    assert cause.effect == "backlash"
+    assert cause.parameters["width_rad"].value == pytest.approx(WIDTH_RAD, rel=0.05)
+    assert found.fit.after < 0.25 * found.fit.before
+    assert found.fit.noise_floor < found.fit.after

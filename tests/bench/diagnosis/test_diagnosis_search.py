@@ -14,7 +14,15 @@ from bench.diagnosis.joint.floor import tolerance
 from bench.diagnosis.joint.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.joint.remaining import Score
-from bench.diagnosis.joint.rivals import AS_GOOD, CLOSE, NONE_LEAST, _among, contemporaries, rivals
+from bench.diagnosis.joint.rivals import (
+    APART_NATS,
+    AS_GOOD,
+    CLOSE,
+    NONE_LEAST,
+    _among,
+    contemporaries,
+    rivals,
+)
 from bench.diagnosis.joint.screening import (
     CLOSER,
     LIMITS,
@@ -220,6 +228,29 @@ def test_two_names_for_one_thing_are_rivals_of_like_probability():
         assert rival.probability == pytest.approx(ratio * probability, rel=1e-6)
     else:
         assert probability > 0.8
+
+
+@pytest.mark.parametrize(
+    ("behind", "deeper", "rival"),
+    [(0.9 * APART_NATS, 0.9 * APART_NATS, True), (1.1 * APART_NATS, 1.1 * APART_NATS, False)],
+)
+def test_a_rival_not_far_behind_is_begun_from_elsewhere_as_the_name_was(
+    monkeypatch, behind, deeper, rival
+):
+    model = model_of(logs(motions=["slow"]))
+    named, other = sized("gain_error", 1.0, 200.0), sized("dead_zone", 1.0, 200.0 - behind)
+    other = replace(other, fit=replace(base_of(model), **vars(other.fit)))
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.drop", lambda *_: (named.fit, named))
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_, sure: False)
+    monkeypatch.setattr(
+        "bench.diagnosis.joint.rivals.elsewhere",
+        lambda model, found: replace(found, cost=found.cost - deeper),
+    )
+    _, close, fits, _ = rivals(model, named.fit, "gain_error", EFFECTS, [other], quiet)
+    assert [one.effect for one in close] == (["dead_zone"] if rival else [])
+    if rival:
+        assert close[0].behind_nats == pytest.approx(0.0, abs=1e-9)
+        assert fits["dead_zone"].cost == other.fit.cost - deeper
 
 
 def _with(model, base, name):

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.noise import Block
+from bench.diagnosis.robot.exact import FIRM, ExactFits
 from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.fit import Sight
 from bench.diagnosis.robot.nuisances import RobotNuisance
+from bench.diagnosis.watch import OutOfTimeError
 
 ROWS, NUISANCES = 400, 3
 NOISE_RAD = 1e-3
@@ -158,3 +160,47 @@ def test_a_knob_that_is_known_from_elsewhere_is_held_and_nuisances_fit_beside_it
     assert found.nuisances == pytest.approx(true, abs=0.05)
     believed, _ = own.covariances(found)
     assert believed[3, 3] < 1e-6
+
+
+def test_priors_that_count_more_hold_tolerances_nearer_to_what_is_believed():
+    seen = sight(Pretended([1.5, 0.0, 0.0], 0.0, noise_rad=0.1))
+    plain = seen.fit()
+    seen.firm = 100.0
+    firm = seen.fit()
+    assert np.sum(firm.z**2) < 0.5 * np.sum(plain.z**2)
+    seen.firm = 1.0
+    assert seen.at(firm).cost > plain.cost
+
+
+class Firmly(ExactFits):
+    """Fits that remember how firmly priors were held."""
+
+    def __init__(self, fails=False):
+        self.sight, self.fails, self.held = SimpleNamespace(firm=1.0), fails, []
+
+    def around(self, found, holds=None):
+        self.held.append(("around", self.sight.firm))
+
+    def fitted(self, names, start, noise):
+        if self.fails:
+            raise OutOfTimeError("in between")
+        self.held.append(("fitted", self.sight.firm))
+        return "fitted"
+
+    def settle(self, found, begun=None):
+        self.held.append(("settled", self.sight.firm))
+        return found
+
+    def replayed(self, found):
+        self.held.append(("replayed", self.sight.firm))
+        return found
+
+
+def test_a_fit_with_firmer_priors_is_told_as_any_other():
+    fits, start = Firmly(), SimpleNamespace(names=(), z=np.zeros(2))
+    assert fits.firmly(start) == "fitted"
+    assert fits.held == [("around", FIRM), ("fitted", FIRM), ("settled", FIRM), ("replayed", 1.0)]
+    late = Firmly(fails=True)
+    with pytest.raises(OutOfTimeError):
+        late.firmly(start)
+    assert late.sight.firm == 1.0

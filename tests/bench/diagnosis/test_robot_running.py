@@ -9,6 +9,7 @@ from bench.diagnosis.report.telling import cautions, unfinished
 from bench.diagnosis.result import Diagnosis, FitSummary
 from bench.diagnosis.robot import running as robot_running
 from bench.diagnosis.robot.diagnosis import RobotDiagnosis, Work
+from bench.diagnosis.robot.gains import RobotFindings
 from bench.diagnosis.running import Split
 from bench.diagnosis.watch import OutOfTimeError, Watch
 from busemu.tables import load_robot
@@ -81,3 +82,45 @@ def test_what_was_found_is_told_whatever_the_time(cut, again):
     assert found.taken[0].name == ("punch" if twice else "dead_zone")
     assert rejected == [{"effect": "dead_zone"}]
     assert told == ["asking"] * (2 if twice else 1)
+
+
+@pytest.mark.parametrize(
+    ("consistent", "at_ends", "cut", "holds", "asked"),
+    [
+        (False, True, False, True, "searched"),
+        (True, True, False, True, "beyond"),
+        (True, True, False, False, "believed"),
+        (True, True, True, True, "believed"),
+        (True, False, False, True, "believed"),
+    ],
+)
+def test_where_no_more_than_noise_is_left_only_tolerances_at_their_ends_are_asked(
+    monkeypatch, consistent, at_ends, cut, holds, asked
+):
+    """Where no name holds, the fit is the one that was consistent."""
+    model = SimpleNamespace(observed=[SimpleNamespace(name="walk", group="walk")] * 2, floors=dict)
+    work = Work(model, None, [0], [1], "", late, print)
+    monkeypatch.setattr(work, "searched", lambda *_: ("searched", ["gain"], "searched", ()))
+
+    def beyond(base, without):
+        if cut:
+            late("trying")
+        return RobotFindings("again", "beyond", ("tilt",), (), {}, ())
+
+    def kept(found, say):
+        named = holds and bool(found.taken)
+        return list(found.taken) if named else [], found.fit if named else found.base, ()
+
+    work.search = SimpleNamespace(
+        nothing=lambda base: RobotFindings(base, base, (), (), {}, ()), beyond=beyond
+    )
+    work.held = SimpleNamespace(
+        consistent=lambda base: consistent,
+        at_ends=lambda base: ["tilt"] if at_ends else [],
+        kept=kept,
+    )
+    found, taken, after, _ = work.named("believed", frozenset(), True)
+    assert after == asked
+    assert bool(taken) is (asked != "believed")
+    if asked == "believed":
+        assert (found.base, found.fit, found.taken) == ("believed", "believed", ())

@@ -9,19 +9,24 @@ import pytest
 from bench.diagnosis.joint.growing import RELIEF
 from bench.diagnosis.joint.rivals import CLOSE
 from bench.diagnosis.noise import Block
+from bench.diagnosis.result import Estimate
+from bench.diagnosis.robot import settling
 from bench.diagnosis.robot.causes import ENGINES_SHARE
+from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotFindings, RobotGain
 from bench.diagnosis.robot.limits import other_volts
 from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
-from bench.diagnosis.robot.nuisances import RobotNuisance
+from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
+    FAR,
     FITTED,
     JUDGED,
     LITTLE,
     NO_BETTER,
+    ORDINARY,
     SAMPLES,
     SPOILT,
     STANDING,
@@ -30,6 +35,8 @@ from bench.diagnosis.robot.settling import (
     Squares,
 )
 from bench.diagnosis.robot.steps import WORSE
+from busemu.tables import load_robot
+from sim.model import read_model
 
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
 FITS, JUDGES = (0, 1), (2,)
@@ -234,6 +241,27 @@ def test_in_vain_was_what_was_fitted_to_the_end_and_gained_nothing_in_any_step()
     assert RobotFindings(BASE, BASE, (), steps, {}, ()).in_vain == {"tilt"}
 
 
+@pytest.mark.parametrize(
+    ("share", "tolerances", "firmly", "taken"),
+    [
+        (0.9, (2.0, 0.0, -2.0, 0.0), (1.0, 0.0, -2.0, 0.0), True),
+        (0.9, (2.0, 0.0, -2.0, 0.0), (2.0, 1.0, -2.0, 0.0), False),  # no fewer at their ends
+        (1.5, (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), False),  # more than noise all the same
+        (0.9, (2.0, 0.0, 0.0, 0.0), None, False),  # as believed already
+        (1.1 * FAR, (2.0, 0.0, -2.0, 0.0), None, False),  # far from it
+    ],
+)
+def test_a_robot_is_as_believed_if_tolerances_that_are_held_more_firmly_leave_no_more_than_noise(
+    share, tolerances, firmly, taken
+):
+    left = {0: rms(share * FITTED), 1: rms(share * FITTED), 2: rms(0.9 * JUDGED)}
+    found, asked = judges(left), []
+    base, firm = taken_as(*tolerances), None if firmly is None else taken_as(*firmly)
+    found.search.firmly = lambda fit: asked.append(fit) or firm
+    assert found.firm(base, lambda _: None) is (firm if taken else base)
+    assert asked == ([] if firm is None else [base])
+
+
 def test_two_at_their_ends_among_many_that_are_near_stand_in_for_nothing():
     many = [
         RobotNuisance(f"mass {k}", "(ratio)", 1.0, "", reach=2.0, same=("x",)) for k in range(15)
@@ -260,6 +288,14 @@ class Given(RobotJudges):
     stand_in: ClassVar = frozenset()
     denied: ClassVar = {}
     costs: ClassVar = {}
+    calm: ClassVar = False
+    usual: ClassVar = frozenset()
+
+    def quiet(self, base):
+        return self.calm
+
+    def ordinary(self, now, name):
+        return name in self.usual
 
     def outside(self, found):
         return self.costs[found.names]
@@ -284,7 +320,7 @@ class Given(RobotJudges):
         return SimpleNamespace(names=left)
 
 
-def kept(phases, seen=None, whole=None, stand_in=(), costs=None, denied=None):
+def kept(phases, seen=None, whole=None, stand_in=(), costs=None, denied=None, because=NO_BETTER):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
@@ -298,12 +334,50 @@ def kept(phases, seen=None, whole=None, stand_in=(), costs=None, denied=None):
     )
     taken, now, rejected = own.kept(found, lambda _: None)
     assert now.names == tuple(gain.name for gain in taken)
-    assert all(row["because"] == NO_BETTER for row in rejected)
+    assert all(row["because"] == because for row in rejected)
     return now.names
 
 
 def test_a_name_that_takes_much_of_the_misfit_away_stays():
     assert kept({(): 5.0, ("a",): 1.5}) == ("a",)
+
+
+@pytest.mark.parametrize(
+    ("calm", "usual", "stays"), [(True, "a", ""), (True, "b", "a"), (False, "a", "a")]
+)
+def test_where_no_more_than_noise_is_left_a_name_must_be_more_than_a_tolerance(
+    monkeypatch, calm, usual, stays
+):
+    monkeypatch.setattr(Given, "calm", calm)
+    monkeypatch.setattr(Given, "usual", {usual})
+    assert kept({(): 5.0, ("a",): 1.5}, because=ORDINARY) == tuple(stays)
+
+
+@pytest.mark.parametrize(
+    ("name", "ends", "ordinary"),
+    [
+        ("ground_tilt.pitch@all", (0.021, 0.04), False),
+        ("ground_tilt.pitch@all", (0.019, 0.04), True),
+        ("ground_tilt.pitch@all", (-0.04, -0.021), False),
+        ("ground_tilt.pitch@all", (-0.04, -0.019), True),
+        ("link_mass@trunk", (1.06, 1.2), False),
+        ("link_mass@trunk", (1.05, 1.2), True),
+        ("transport_delay@all", (0.0021, 0.004), False),
+        ("transport_delay@all", (0.0019, 0.004), True),
+        ("dead_zone@all", (0.0, 0.01), False),  # no tolerance is one
+    ],
+)
+def test_a_name_whose_interval_reaches_into_its_tolerance_may_be_that(
+    monkeypatch, name, ends, ordinary
+):
+    base = read_model(load_robot("marvin"))
+    model = SimpleNamespace(
+        base=base, placed=placed_effects(base), nuisances=nuisances(base, 0.005)
+    )
+    search = SimpleNamespace(model=model)
+    monkeypatch.setattr(settling, "number_of", lambda *_: Estimate(0.0, ends, "", "pinned"))
+    found = RobotJudges(search, None, FITS, JUDGES, held_out=True)
+    assert found.ordinary(BASE, name) is ordinary
 
 
 def test_a_name_that_takes_less_than_a_tenth_away_goes():
