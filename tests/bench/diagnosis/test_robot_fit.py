@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.noise import Block
+from bench.diagnosis.noise import Block, huber_weight
 from bench.diagnosis.robot.exact import FIRM, ExactFits
 from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.fit import Sight
@@ -168,8 +168,14 @@ def test_priors_that_count_more_hold_tolerances_nearer_to_what_is_believed():
     seen.firm = 100.0
     firm = seen.fit()
     assert np.sum(firm.z**2) < 0.5 * np.sum(plain.z**2)
+    residual, jacobian = seen.linearised((), firm.z, firm.noise)
+    likelihood = jacobian.T @ (huber_weight(residual) * residual)
+    assert likelihood == pytest.approx(-100.0 * firm.z, rel=0.02), "data and priors are at balance"
+    told = seen.at(firm).cost
     seen.firm = 1.0
-    assert seen.at(firm).cost > plain.cost
+    as_usual = seen.at(firm)
+    assert told - as_usual.cost == pytest.approx(0.5 * 99.0 * np.sum(firm.z**2))
+    assert as_usual.cost > plain.cost
 
 
 class Firmly(ExactFits):
