@@ -56,10 +56,26 @@ def rivals(
         ]
         for _, other, start in screen(model, without, others)[:TRIED]:
             tried.append(confirm(model, without, effects[other], start))
+        tried += _split(model, name, without, known)
     tried = [_from_elsewhere(model, gain) if _near(own, gain) else gain for gain in tried]
     probability, close = _among(model, own, tried)
     fits = {gain.effect: gain.fit for gain in tried}
     return probability, close, {r.effect: fits[r.effect] for r in close}, without
+
+
+def _split(model: JointModel, name: str, without: Fit, known: Sequence[Gain]) -> list[Gain]:
+    """The deepest fit of what a name was split into, beside the others, if a search has made one.
+
+    It was refused as its numbers agree, and so is not among the effects; it may be meant still.
+    """
+    beside = set(without.hypothesis.effects)
+    split = [
+        gain.over(model, without)
+        for gain in known
+        if SPLIT.get(gain.effect) == name
+        and set(gain.fit.hypothesis.effects) == beside | {gain.effect}
+    ]
+    return [max(split, key=lambda gain: gain.nats)] if split else []
 
 
 def _near(named: Gain, other: Gain) -> bool:

@@ -253,6 +253,41 @@ def test_a_rival_not_far_behind_is_begun_from_elsewhere_as_the_name_was(
         assert fits["dead_zone"].cost == other.fit.cost - deeper
 
 
+@pytest.mark.parametrize(
+    ("beside", "rivals_there"),
+    [(("transport_delay",), ["directional_load_friction"]), (("gain_error",), [])],
+)
+def test_what_a_name_was_split_into_beside_the_others_is_its_rival(
+    monkeypatch, beside, rivals_there
+):
+    """It was refused as its numbers agree; the deepest of its fits counts."""
+    model = model_of(logs(motions=["slow"]))
+    base = base_of(model)
+
+    def of(*names, cost=0.0):
+        knobs = tuple(k for name in names for k in effect_knobs(effect(name)))
+        z = np.zeros(len(model.nuisances) + len(knobs))
+        return replace(base, hypothesis=Hypothesis(knobs), z=z, cost=cost)
+
+    named = Gain("load_friction", of("transport_delay", "load_friction", cost=-300.0), 300.0, 1.0)
+    split = [
+        Gain(
+            "directional_load_friction",
+            of(*beside, "directional_load_friction", cost=cost),
+            50.0,
+            1.0,
+        )
+        for cost in (-250.0, -310.0)
+    ]
+    without = of("transport_delay")
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.drop", lambda *_: (without, named))
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.elsewhere", lambda model, found: found)
+    _, close, fits, _ = rivals(model, named.fit, "load_friction", {}, split, quiet)
+    assert [one.effect for one in close] == rivals_there
+    assert [one.behind_nats for one in close] == [AS_GOOD] * len(rivals_there)
+    assert all(fits[name].cost == -310.0 for name in rivals_there)
+
+
 def _with(model, base, name):
     k = [n.name for n in model.nuisances].index(TWINS[name])
     z = base.z.copy()
