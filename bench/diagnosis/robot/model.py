@@ -272,7 +272,10 @@ class RobotModel:
             self.centre[r] = (
                 there[r]
                 if r == leader
-                else {k: own[k] + rows - before[leader][k] for k, rows in there[leader].items()}
+                else {
+                    k: own[k] + np.nan_to_num(rows - before[leader][k])  # 0 where that has no row
+                    for k, rows in there[leader].items()
+                }
             )
             self._centred_on[r] = told[0], at
             (self._exact[r],) = self.replays.run([Job(leader, told[0], nuisances=told[1])])
