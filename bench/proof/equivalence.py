@@ -75,6 +75,11 @@ ALIKE = (
         upright=True,
     ),
     Alike(
+        frozenset({"load_friction", "directional_load_friction"}),
+        "without gravity no torque comes from outside, and that of the motor alone counts in both",
+        upright=True,
+    ),
+    Alike(
         frozenset({"foot_compliance", "ground_compliance"}),
         "springs in series under every foot: joints see their sum",
         all_feet=True,

@@ -12,7 +12,7 @@ from sim.effects import Effect
 from ..result import Rival
 from .faint import SURELY, hardly_better
 from .fit import EDGE, Fit, prior_cost
-from .model import JointModel
+from .model import Hypothesis, JointModel
 from .screening import screen
 from .search import Gain, Progress, confirm, drop
 from .valleys import elsewhere
@@ -124,6 +124,9 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
     for other, plainer in SPLIT.items():  # the same and more, so that it always fits as well
         if plainer == named.effect and other in behind:
             behind[other] = max(behind[other], AS_GOOD)
+        pair = {named.effect, other, plainer}
+        if len(pair) == 2 and upright(model):
+            behind |= {one: min(behind[one], AS_GOOD) for one in pair & set(behind)}
     alike = [
         g.effect
         for g in tried
@@ -140,6 +143,17 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
         if nats < CLOSE or other in alike
     ]
     return probability, sorted(close, key=lambda r: r.behind_nats)
+
+
+def upright(model: JointModel) -> bool:
+    """Whether gravity does no work on a joint, as it is believed to hang.
+
+    Then nothing comes from outside but inertia, and whether that is a torque from outside, a
+    friction of load may count in one engine and not in another.
+    """
+    none = np.zeros(len(model.nuisances))
+    loads = [model.candidate(Hypothesis(), none, r).load for r in range(len(model.observed))]
+    return not any(np.any(load.sine_nm) or np.any(load.cosine_nm) for load in loads)
 
 
 def _in_other_words(gain: Gain, named: Gain) -> bool:

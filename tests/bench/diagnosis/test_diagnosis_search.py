@@ -22,6 +22,7 @@ from bench.diagnosis.joint.rivals import (
     _among,
     contemporaries,
     rivals,
+    upright,
 )
 from bench.diagnosis.joint.screening import (
     CLOSER,
@@ -251,6 +252,35 @@ def test_a_rival_not_far_behind_is_begun_from_elsewhere_as_the_name_was(
     if rival:
         assert close[0].behind_nats == pytest.approx(0.0, abs=1e-9)
         assert fits["dead_zone"].cost == other.fit.cost - deeper
+
+
+@pytest.mark.parametrize("lies", [True, False])
+def test_without_gravity_a_friction_of_load_is_one_with_that_which_is_unlike_both_ways(
+    monkeypatch, lies
+):
+    """No torque comes from outside then, but for inertia, which not every engine counts."""
+    model = model_of(logs(motions=["slow"]))
+    assert not upright(model)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.upright", lambda _: lies)
+    monkeypatch.setattr("bench.diagnosis.joint.rivals.hardly_better", lambda *_, sure: False)
+    both = ("directional_load_friction", "load_friction")
+    for name, other in (both, both[::-1]):
+        some = [sized(other, 0.0, 100.0), sized("dead_zone", 0.0, 100.0)]
+        _, close = _among(model, sized(name, 0.0, 300.0), some)
+        assert [(r.effect, r.behind_nats) for r in close] == ([(other, AS_GOOD)] if lies else [])
+
+
+@pytest.mark.parametrize(("sine_nm", "cosine_nm"), [(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)])
+def test_a_joint_is_upright_where_gravity_does_no_work_in_any_recording(sine_nm, cosine_nm):
+    loads = [(0.0, 0.0), (sine_nm, cosine_nm)]
+    model = SimpleNamespace(
+        nuisances=(),
+        observed=loads,
+        candidate=lambda hypothesis, z, r: SimpleNamespace(
+            load=SimpleNamespace(sine_nm=np.array([loads[r][0]]), cosine_nm=np.array([loads[r][1]]))
+        ),
+    )
+    assert upright(model) is (sine_nm == cosine_nm == 0.0)
 
 
 @pytest.mark.parametrize(
