@@ -29,7 +29,7 @@ NONE_LEAST, NONE_FAINT, FAINT_NATS = 0.07, 0.6, 60.0
 AS_GOOD = 2.0
 #: nats within which a rival is begun from elsewhere. Fits of one hypothesis ended up to 25 apart by
 #: where they began, in a case that was opened (0009 of the nineteenth run)
-APART_NATS = 40.0
+NEAR_NATS = 40.0
 TEMPER = 0.5  #: of gains, when they become probabilities: see docs on power
 
 
@@ -80,7 +80,7 @@ def _split(model: JointModel, name: str, without: Fit, known: Sequence[Gain]) ->
 
 def _near(named: Gain, other: Gain) -> bool:
     """Whether another gain is behind by no more than fits of one hypothesis end apart by."""
-    return named.nats - other.nats < APART_NATS
+    return named.nats - other.nats < NEAR_NATS
 
 
 def _from_elsewhere(model: JointModel, gain: Gain) -> Gain:

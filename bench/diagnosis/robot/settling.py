@@ -293,10 +293,13 @@ class RobotJudges:
         same = next((n for n in model.nuisances if name in n.same), None)
         if same is None:
             return False
-        knobs = [knob_of(model.base, placed, same, end) for end in same.ends]
+        knobs = [knob_of(model.base, placed, same, end) for end in same.ends if end]
         ends = [placed.knob.value(knob) for knob in knobs if knob is not None]
+        if not ends:
+            return False
+        ends.append(placed.parameter.off)  # of what goes one way only it is the other end
         low, high = number_of(self.search, now, name).ci95
-        return bool(ends) and low <= max(ends) and high >= min(ends)
+        return low <= max(ends) and high >= min(ends)
 
     def _spare(self, without: RobotFit, now: RobotFit, seen: Squares, least: float) -> float:
         """How much more than it must a name takes off the square that judges see [rad^2].

@@ -15,9 +15,9 @@ from bench.diagnosis.joint.growing import PLAIN, _holds, _together, grow, ranked
 from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.joint.remaining import Score
 from bench.diagnosis.joint.rivals import (
-    APART_NATS,
     AS_GOOD,
     CLOSE,
+    NEAR_NATS,
     NONE_LEAST,
     _among,
     contemporaries,
@@ -233,7 +233,7 @@ def test_two_names_for_one_thing_are_rivals_of_like_probability():
 
 @pytest.mark.parametrize(
     ("behind", "deeper", "rival"),
-    [(0.9 * APART_NATS, 0.9 * APART_NATS, True), (1.1 * APART_NATS, 1.1 * APART_NATS, False)],
+    [(0.9 * NEAR_NATS, 0.9 * NEAR_NATS, True), (1.1 * NEAR_NATS, 1.1 * NEAR_NATS, False)],
 )
 def test_a_rival_not_far_behind_is_begun_from_elsewhere_as_the_name_was(
     monkeypatch, behind, deeper, rival

@@ -364,6 +364,10 @@ def test_where_no_more_than_noise_is_left_a_name_must_be_more_than_a_tolerance(
         ("link_mass@trunk", (1.05, 1.2), True),
         ("transport_delay@all", (0.0021, 0.004), False),
         ("transport_delay@all", (0.0019, 0.004), True),
+        ("transport_delay@all", (0.0005, 0.0015), True),
+        ("foot_compliance@all", (400.0, 19e3), False),
+        ("foot_compliance@all", (400.0, 21e3), True),
+        ("foot_compliance@all", (30e3, 60e3), True),
         ("dead_zone@all", (0.0, 0.01), False),  # no tolerance is one
     ],
 )
