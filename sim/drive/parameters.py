@@ -47,7 +47,9 @@ class Friction:
 
     With ``s = exp(-|w / stribeck_velocity|^stribeck_exponent)``, motor torque ``tm``, external
     torque ``te``: ``Kc + Kv|w| + |Km tm - Ke te| + s (Kcs + |Kms tm - Kes te| + Q)``, where ``Q``
-    is ``Keq te^2`` if ``|tm| > |te|`` else ``Kmq tm^2``, and only where the two oppose.
+    is ``Keq te^2`` if ``|tm| > |te|`` else ``Kmq tm^2``, and only where the two oppose. ``te`` is
+    what gravity, a cable or a hand do to the load, as in the paper; behind a physics engine, which
+    does not tell, it is what the gear passes on: the load's inertia comes with it.
     """
 
     coulomb_nm: float = 0.0

@@ -102,7 +102,7 @@ def turn(
             load = -outer
             if not rigid:
                 load = gear_torque(t, angle - shaft, speed - pace)
-            level = friction_level(t, speed, motor, -load)
+            level = friction_level(t, speed, motor, outer)
             stop = -(lanes[HALT, k] * speed + motor - load)
             bent, push = states[BENT, k], lanes[PUSH, k]
             held = friction(t, level, bent, stop, push, dt)

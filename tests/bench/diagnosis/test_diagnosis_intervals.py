@@ -36,7 +36,16 @@ from bench.diagnosis.joint.settling import (
     _unsure,
     explained,
 )
-from bench.diagnosis.joint.valleys import DEEPER, STRAYED, afresh, elsewhere, explore, strayed
+from bench.diagnosis.joint.valleys import (
+    DEEPER,
+    LATE,
+    STRAYED,
+    afresh,
+    elsewhere,
+    explore,
+    retimed,
+    strayed,
+)
 from bench.diagnosis.joint.veto import as_plainer, largest_step, objection
 from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
 from bench.diagnosis.observed import Channel
@@ -80,6 +89,21 @@ def test_a_fit_in_a_wrong_hollow_finds_its_way_out(cable):
 def test_an_effect_of_one_number_is_left_as_it_is():
     model, found = fitted("gain_error", {"scale": 1.3}, [3.0])
     assert explore(model, found, "gain_error") is found
+
+
+def test_a_time_that_late_samples_make_up_for_finds_its_way_out():
+    delay_s = 0.0104
+    model, near = fitted("transport_delay", {"delay_s": delay_s}, [delay_s / 0.02])
+    (knob,), count = near.hypothesis.knobs, len(model.nuisances)
+    late = near.z.copy()
+    late[count] = knob.at(delay_s + 0.006)
+    late[[n.name for n in model.nuisances].index("sampling")] = 2.0
+    stuck = fit(model, near.hypothesis, late, near.noise, rounds=1, evaluations=2, held=[count])
+    out = retimed(model, stuck)
+    assert stuck.cost > near.cost + 1000.0
+    assert out.cost < near.cost + LATE
+    assert knob.value(float(out.z[count])) == pytest.approx(delay_s, abs=0.0021)
+    assert retimed(model, out) is out  # what is as good within a few nats moves nothing
 
 
 @pytest.fixture(scope="module")

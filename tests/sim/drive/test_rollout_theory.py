@@ -168,10 +168,16 @@ def test_beyond_full_duty_the_joint_gives_what_it_can() -> None:
     assert math.sin(position(held)[-1]) == pytest.approx(1.0 / 1.2, rel=1e-4)
 
 
-def test_a_stiff_gear_becomes_a_rigid_one(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("load_ratio", [0.0, 0.4])
+def test_a_stiff_gear_becomes_a_rigid_one(
+    monkeypatch: pytest.MonkeyPatch, load_ratio: float
+) -> None:
     monkeypatch.setattr(rollout, "GEAR_SUBSTEPS", 40)
     monkeypatch.setattr(rollout, "RIGID_SUBSTEPS", 40)
-    base = viscous(0.02)
+    friction = Friction(
+        viscous_nm_s_rad=0.02, load_motor=load_ratio, load_external=0.5 * load_ratio
+    )
+    base = plain_drive(friction=friction)
     drives = [
         replace(base, gear_stiffness_nm_rad=k, gear_damping_nm_s_rad=0.3)
         for k in (30.0, 300.0, 3000.0, 30000.0)
@@ -180,7 +186,7 @@ def test_a_stiff_gear_becomes_a_rigid_one(monkeypatch: pytest.MonkeyPatch) -> No
     apart = [np.abs(position(run(candidate(d), swinging())) - rigid).max() for d in drives]
     for softer, stiffer in itertools.pairwise(apart):
         assert stiffer < 0.5 * softer
-    assert apart[-1] < 0.01 * apart[0]
+    assert apart[-1] < (0.01 if load_ratio == 0.0 else 0.03) * apart[0]  # friction has corners
 
 
 @pytest.mark.parametrize("stiffness", [math.inf, 50.0])
