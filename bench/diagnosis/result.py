@@ -83,14 +83,15 @@ class Cause:
         return "wrong_value" if self.effect in WRONG_VALUES else "missing"
 
 
-def beside_rest(cause: Cause, foretold: float, explainable: float) -> Cause:
+def beside_rest(cause: Cause, foretold: float, explainable: float, shown: float = 0.0) -> Cause:
     """A cause beside a rest that is foretold and has no name: its square, and all [rad^2].
 
     What makes the rest may be what made the other part as well, and then the cause is not. So it
-    is no likelier than its part of both; nor are its rivals, which leave as much.
+    is no likelier than its part of both; nor are its rivals, which leave as much. ``shown`` is the
+    share that it takes of what is left of another register, if that is more.
     """
     own = max(cause.explained_share, LEAST_PART)
-    part = own / (own + foretold / max(explainable, 1e-30))
+    part = max(shown, own / (own + foretold / max(explainable, 1e-30)))
     rivals = (replace(r, probability=part * r.probability) for r in cause.indistinguishable_from)
     return replace(
         cause, probability=part * cause.probability, indistinguishable_from=tuple(rivals)

@@ -18,7 +18,7 @@ EFFECT = Effect(
             "stribeck_nm",
             "N m",
             0.0,
-            1.0,
+            3.0,
             typical=0.03,
             off=0.0,
             source="published fits of small servos; assumed for others",

@@ -37,8 +37,8 @@ from .rest import Rest, is_worse, rest_of
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
 from .search import Progress, beside_others
-from .settling import explained, rms_of
 from .views import Views, unlike
+from .worth import explained, rms_of, shown_share
 
 Floats = NDArray[np.float64]
 
@@ -134,6 +134,7 @@ def diagnose_joint(
             ),
             rest.foretold,
             calm[0] ** 2 - floor**2,
+            shown_share({model, judge}, without, after),
         )
         for gain, (_, without, probability, close) in zip(taken, found, strict=True)
     ]

@@ -17,6 +17,7 @@ from .floor import engines_rad
 from .model import JointModel, Kind
 from .nuisances import LATE_S
 from .remaining import remaining
+from .worth import shown
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +37,9 @@ SURELY = 80.0
 #: share of that: a duty that is read at another instant than it was made has a rest of many times
 #: its rounding, and a wrong instant of reading took up 15 % of one
 READ, SHARE = 10.0, 0.3
+#: share of positions' mean square by which they may be worse with a name that a register shows. Of
+#: a case that was opened (0009 of the twentieth run) a true one made them worse by 0.19
+BY_CHANCE = 0.25
 #: quantile of their priors within which tolerances are, taken together. Fits shrink what recordings
 #: do not show: of 35 rigs with nothing hidden the farthest was at 0.68
 BELIEVED = 0.95
@@ -78,11 +82,16 @@ def contradicted(models: Sequence[JointModel], without: Fit, with_it: Fit) -> bo
     """Whether positions are farther off with an effect, by what it would have to take off them.
 
     What a controller's register shows is made of its own instants and filters, which nobody
-    documents; a cause that is in the motion does not make the motion worse.
+    documents; a cause that is in the motion does not make the motion worse. What takes most of what
+    is left of such a register may: where something else moves a joint about, fits of all else
+    follow that by chance.
     """
     before, now = (group_squares(models, found)[Kind.POSITION] for found in (without, with_it))
     worse = float(np.mean(np.array(now) - np.array(before)))
-    return worse > SHARED * engines_rad(models[0]) ** 2
+    bearable = SHARED * engines_rad(models[0]) ** 2
+    if worse > bearable and shown(models, without, with_it):
+        bearable = max(bearable, BY_CHANCE * float(np.mean(before)))
+    return worse > bearable
 
 
 def strained(model: JointModel, found: Fit) -> bool:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from scipy.stats import chi2
 
 from sim.effects import Effect
@@ -31,14 +30,13 @@ from .search import (
     inside,
 )
 from .veto import AGREES, BEHIND, SPLIT, as_plainer, objection
+from .worth import explains_little, rms_of, shown
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 IDLE = 0.05  #: share of the same by which a name that is not needed there may make them worse
 SPOILT = 0.1  #: of the mean square that a name takes off the others, which must be spoilt there
 SURE = 0.99  #: that an effect is there at all: what it gains, by the widest account of its size
-#: share of a misfit that a name must explain, where much of it is left; and that all names must
-#: take together off the squared misfit of the recordings that judge, as it is
-LITTLE, OUTSIDE = 0.25, 0.05
+OUTSIDE = 0.05  #: share that names must take off the squared misfit of recordings that judge
 HARMFUL = "it makes recordings that were not used to fit worse"
 NEEDLESS = "recordings that were not used to fit are within noise without it, and worse with it"
 BETTER = "it explains far less than a cause that cannot be named"
@@ -359,34 +357,11 @@ def _little(
     if not parts or not rest_of(model, judge, after, floor).structured:
         return None
     everywhere = list(dict.fromkeys((model, judge)))
-    for part in parts:
-        if explained(everywhere, before, part.without, after, floor) < LITTLE:
+    unseen = [part for part in parts if not shown(everywhere, part.without, after)]
+    for part in unseen:
+        if explains_little(everywhere, before, part.without, after, floor):
             return Denied(part.gain, BESIDE, again=False)
-    if rms_of(judge, after) ** 2 > (1.0 - OUTSIDE) * rms_of(judge, before) ** 2:
-        least = min(parts, key=lambda part: part.own.deflated)
+    if unseen and rms_of(judge, after) ** 2 > (1.0 - OUTSIDE) * rms_of(judge, before) ** 2:
+        least = min(unseen, key=lambda part: part.own.deflated)
         return Denied(least.gain, BESIDE, again=False)
     return None
-
-
-def rms_of(judge: JointModel, found: Fit) -> float:
-    """What a fit leaves of the positions of recordings, as they are [rad]."""
-    return block_rms(judge.residuals(found.hypothesis, [found.z])[0], Kind.POSITION)
-
-
-def explained(
-    judges: Collection[JointModel], before: Fit, without: Fit, after: Fit, floor: float
-) -> float:
-    """Share of the squared misfit above the floor that an effect takes away, in some recordings."""
-    squares = []
-    for found in (before, without, after):
-        values = [
-            block.value
-            for judge in judges
-            for (_, kind), block in remaining(judge, found).items()
-            if kind is Kind.POSITION
-        ]
-        squares.append(float(np.mean(np.concatenate(values) ** 2)))
-    explainable = squares[0] - floor**2
-    if explainable <= 0.0:
-        return 0.0
-    return float(np.clip((squares[1] - squares[2]) / explainable, -1.0, 1.0))

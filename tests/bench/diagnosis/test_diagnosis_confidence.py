@@ -119,19 +119,21 @@ def test_a_verdict_says_what_is_named_and_whether_something_is_left(named, left,
 
 
 @pytest.mark.parametrize(
-    ("explained", "left", "part"),
+    ("explained", "left", "shown", "part"),
     [
-        (0.9, 0.0, 1.0),
-        (0.6, 0.2, 0.75),
-        (0.3, 0.7, 0.3),
-        (0.0, 0.3, LEAST_PART / (LEAST_PART + 0.3)),
-        (-0.5, 0.0, 1.0),
+        (0.9, 0.0, 0.0, 1.0),
+        (0.6, 0.2, 0.0, 0.75),
+        (0.3, 0.7, 0.0, 0.3),
+        (0.0, 0.3, 0.0, LEAST_PART / (LEAST_PART + 0.3)),
+        (-0.5, 0.0, 0.0, 1.0),
+        (0.3, 0.7, 0.9, 0.9),  # of another register it takes more
+        (0.6, 0.2, 0.7, 0.75),
     ],
 )
-def test_a_cause_beside_a_rest_is_no_likelier_than_its_part_of_both(explained, left, part):
+def test_a_cause_beside_a_rest_is_no_likelier_than_its_part_of_both(explained, left, shown, part):
     rival = Rival("dead_zone", ("arm",), 0.1, 3.0)
     cause = beside_rest(
-        Cause("punch", ("arm",), {}, 50.0, explained, 0.8, (rival,)), 2.0 * left, 2.0
+        Cause("punch", ("arm",), {}, 50.0, explained, 0.8, (rival,)), 2.0 * left, 2.0, shown
     )
     assert cause.probability == pytest.approx(0.8 * part)
     (other,) = cause.indistinguishable_from

@@ -7,6 +7,7 @@ import pytest
 from pendulum_logs import logs, model_of
 
 from bench.diagnosis.joint.faint import (
+    BY_CHANCE,
     ONCE,
     READ,
     SHARE,
@@ -121,6 +122,24 @@ def test_what_the_motion_is_farther_off_with_is_no_name(share, denied, monkeypat
         "bench.diagnosis.joint.faint.group_squares",
         lambda _, found: {Kind.POSITION: squares[found]},
     )
+    monkeypatch.setattr("bench.diagnosis.joint.faint.shown", lambda *_: False)
+    assert contradicted([model], "without", "with") is denied
+
+
+@pytest.mark.parametrize(("share", "denied"), [(0.9, False), (1.1, True)])
+@pytest.mark.parametrize("engines", [1.0, 100.0])
+def test_the_motion_may_be_a_little_farther_off_with_what_a_register_shows(
+    share, denied, engines, monkeypatch
+):
+    """By chance, where much is left of the motion."""
+    model = model_of(logs(motions=["slow"]))
+    left = engines * engines_rad(model) ** 2
+    worse = share * max(SHARED * engines_rad(model) ** 2, BY_CHANCE * left)
+    monkeypatch.setattr(
+        "bench.diagnosis.joint.faint.group_squares",
+        lambda _, found: {Kind.POSITION: [left + worse if found == "with" else left]},
+    )
+    monkeypatch.setattr("bench.diagnosis.joint.faint.shown", lambda *_: True)
     assert contradicted([model], "without", "with") is denied
 
 

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pendulum_logs import POSITION, logs, model_of, robot
+from pendulum_logs import DUTY, POSITION, VOLTS, logs, model_of, robot
 
-from bench.diagnosis.joint import intervals, settling, valleys
+from bench.diagnosis.joint import intervals, valleys, worth
 from bench.diagnosis.joint.confidence import NORMAL
 from bench.diagnosis.joint.fit import Fit, fit
 from bench.diagnosis.joint.intervals import (
@@ -34,7 +34,6 @@ from bench.diagnosis.joint.settling import (
     _objected,
     _parts,
     _unsure,
-    explained,
 )
 from bench.diagnosis.joint.valleys import (
     DEEPER,
@@ -47,6 +46,7 @@ from bench.diagnosis.joint.valleys import (
     strayed,
 )
 from bench.diagnosis.joint.veto import as_plainer, largest_step, objection
+from bench.diagnosis.joint.worth import explained, explains_little, shown
 from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
 from bench.diagnosis.observed import Channel
 from sim.effects import effect
@@ -512,6 +512,37 @@ def test_a_name_that_explains_little_is_taken_back_only_where_much_is_left():
     assert _little(model, model, before, after, [], floor) is None
 
 
+@pytest.mark.parametrize("registers", [(POSITION, DUTY, VOLTS), (POSITION, DUTY)])
+def test_a_name_that_a_register_shows_is_kept_however_little_it_moves(registers):
+    planted = {"dead_zone": {"margin_rad": 0.05}, "voltage_sag": {"resistance_ohm": 1.0}}
+    model = model_of(logs(planted, registers=registers))
+    before = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    sag = Hypothesis(effect_knobs(effect("voltage_sag")))
+    after = fit(model, sag, np.append(before.z, 3.0))
+    parts = _parts(model, after, [gain_of("voltage_sag", after)], print)
+    floor = model.observed[0].position.quantum / np.sqrt(12.0)
+    told = VOLTS in registers
+    assert explains_little([model], before, parts[0].without, after, floor)
+    assert shown([model], parts[0].without, after) is told
+    assert (_little(model, model, before, after, parts, floor) is None) is told
+
+
+@pytest.mark.parametrize(
+    ("was", "missing", "left", "little"),
+    [
+        (1.0, 1.0, 0.9, True),  # little of all, and less than is left
+        (1.0, 0.20, 0.05, False),  # another took most: of the rest it is most
+        (1.0, 0.20, 0.15, True),
+        (1.0, 1.0, 0.6, False),
+    ],
+)
+def test_little_is_less_than_a_share_and_less_than_what_is_left(
+    was, missing, left, little, monkeypatch
+):
+    monkeypatch.setattr(worth, "_square", lambda _, found, kind: found)
+    assert explains_little([], was, missing, left, 0.0) is little
+
+
 @pytest.mark.parametrize(("name", "denied"), [("load_friction", False), ("transport_delay", True)])
 def test_names_that_take_nothing_off_what_judges_are_taken_back_where_much_is_left(
     name, denied, monkeypatch
@@ -523,7 +554,7 @@ def test_names_that_take_nothing_off_what_judges_are_taken_back_where_much_is_le
     knobs = effect_knobs(effect(name))
     after = fit(model, Hypothesis(knobs), np.append(before.z, 0.0 if denied else 5.0))
     parts = _parts(model, after, [gain_of(name, after)], print)
-    monkeypatch.setattr(settling, "explained", lambda *_: 1.0)
+    monkeypatch.setattr(worth, "explained", lambda *_: 1.0)
     floor = model.observed[0].position.quantum / np.sqrt(12.0)
     found = _little(model, model, before, after, parts, floor)
     assert (found is not None and found.because == BESIDE) is denied

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulum_logs import JOINT, MOTIONS, logs, model_of, robot
+from pendulum_logs import DUTY, JOINT, MOTIONS, POSITION, logs, model_of, robot
 
 from bench.diagnosis.joint.diagnosis import SIGNIFICANT, diagnose_joint
 from bench.diagnosis.joint.diagnosis import _unexplained as left
@@ -195,9 +195,11 @@ def test_what_names_make_worse_is_not_explained(monkeypatch, worse, verdict):
     assert bool(found.diagnosis.unexplained) is worse
 
 
-def test_a_name_beside_a_rest_is_no_likelier_than_its_part_of_both(monkeypatch):
+@pytest.mark.parametrize(("registers", "shown"), [((POSITION,), False), ((POSITION, DUTY), True)])
+def test_a_name_beside_a_rest_is_no_likelier_than_its_part_of_both(monkeypatch, registers, shown):
+    """But where a register shows it by itself."""
     stiff = {"gain_error": {"scale": 1.4}}
-    told = observe(logs(stiff, motions=["fast", "steps"]), robot(), JOINT)
+    told = observe(logs(stiff, ["fast", "steps"], registers), robot(), JOINT)
     chances = []
     for much in (0.0, 1e6):  # rad^2
         monkeypatch.setattr(Rest, "foretold", property(lambda _, much=much: much))
@@ -207,7 +209,7 @@ def test_a_name_beside_a_rest_is_no_likelier_than_its_part_of_both(monkeypatch):
         (cause,) = found.diagnosis.causes
         chances.append(cause.probability)
     assert chances[0] > 0.5
-    assert chances[1] < 1e-6
+    assert chances[1] > 0.9 * chances[0] if shown else chances[1] < 1e-6
 
 
 def test_noise_is_no_structure_however_large(model):

@@ -1,0 +1,78 @@
+"""What a name takes off a misfit, and what of that a register shows."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from .fit import Fit
+from .model import JointModel, Kind
+from .remaining import block_rms, remaining
+
+LITTLE = 0.25  #: share of a misfit that a name must explain, where more of it is left
+#: share of what is left of a register that a name must take away to be shown by it, where that is
+#: more than so many of the least that noise leaves
+SHOWN, SEEN = 0.6, 2.0
+REGISTERS = (Kind.DUTY, Kind.VOLTAGE)  #: each judges a part of the signal's path by itself
+
+
+def rms_of(judge: JointModel, found: Fit) -> float:
+    """What a fit leaves of the positions of recordings, as they are [rad]."""
+    return block_rms(judge.residuals(found.hypothesis, [found.z])[0], Kind.POSITION)
+
+
+def explained(
+    judges: Collection[JointModel], before: Fit, without: Fit, after: Fit, floor: float
+) -> float:
+    """Share of the squared misfit above the floor that an effect takes away, in some recordings."""
+    was, missing, left = (_square(judges, fit, Kind.POSITION) for fit in (before, without, after))
+    explainable = was - floor**2
+    if explainable <= 0.0:
+        return 0.0
+    return float(np.clip((missing - left) / explainable, -1.0, 1.0))
+
+
+def explains_little(
+    judges: Collection[JointModel], before: Fit, without: Fit, after: Fit, floor: float
+) -> bool:
+    """Whether an effect explains little of a misfit, and less than is left of it.
+
+    Where another has taken away most, what is little of all may be most of the rest.
+    """
+    if explained(judges, before, without, after, floor) >= LITTLE:
+        return False
+    missing, left = (_square(judges, fit, Kind.POSITION) for fit in (without, after))
+    return missing - left < left - floor**2
+
+
+def shown(judges: Collection[JointModel], without: Fit, after: Fit) -> bool:
+    """Whether a register shows an effect, however little it moves the joint."""
+    return shown_share(judges, without, after) > SHOWN
+
+
+def shown_share(judges: Collection[JointModel], without: Fit, after: Fit) -> float:
+    """The most that an effect takes of what is left of a register without it; 0 to 1.
+
+    The duty is compared with what the firmware's law makes of the positions that were read, and a
+    voltage with what the supply makes of the current: neither is better for a name that makes up
+    for something else.
+    """
+    most = 0.0
+    for kind in REGISTERS:
+        floors = [float(model.floors()[kind]) for model in judges if kind in model.floors()]
+        missing, left = (_square(judges, fit, kind) for fit in (without, after))
+        if floors and missing > (SEEN * floors[0]) ** 2:
+            most = max(most, (missing - left) / (missing - floors[0] ** 2))
+    return min(1.0, most)
+
+
+def _square(judges: Collection[JointModel], found: Fit, kind: Kind) -> float:
+    """Mean square of what a fit leaves of a register in some recordings; 0 if nobody read it."""
+    values = [
+        block.value
+        for judge in judges
+        for (_, one), block in remaining(judge, found).items()
+        if one is kind
+    ]
+    return float(np.mean(np.concatenate(values) ** 2)) if values else 0.0
