@@ -57,6 +57,11 @@ from .fields import (
     Arrays,
 )
 
+#: share of a count that is none. A firmware works in counts, and at its goal it pushes nowhere;
+#: here both are angles, and the step of a robot file is rounded: after ten turns they are a
+#: thousandth of a count apart
+EXACT = 0.01
+
 
 @inlined
 def hurry(arrays: Arrays, i: int, position: float, velocity: float, tick_s: float) -> None:
@@ -116,7 +121,7 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
         gain, margin, sign = cw_gain, cw_margin, -1.0
     gain *= params[GAIN_SCALE, i]
     beyond = abs(error) - (margin + params[MARGIN_MORE, i])
-    if beyond <= 0.0:
+    if beyond <= EXACT * params[SENSOR_STEP, i]:
         return 0.0
     limit = min(commands[DUTY_LIMIT, i], params[DUTY_CAP, i])
     integral_gain = commands[INTEGRAL_GAIN, i] + params[INTEGRAL_MORE, i]

@@ -30,7 +30,7 @@ from .search import (
     inside,
 )
 from .veto import AGREES, BEHIND, SPLIT, as_plainer, objection
-from .worth import explains_little, rms_of, shown
+from .worth import explains_little, register_denies, rms_of, shown
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 IDLE = 0.05  #: share of the same by which a name that is not needed there may make them worse
@@ -45,8 +45,9 @@ ALONE = "it gains nothing on recordings left out, beside what else is named"
 BESIDE = "it explains little of a misfit of which much is left"
 FAINT = "it changes nothing by more than two sound simulations of one joint differ by"
 CONTRADICTED = "the motion is farther off with it, though other registers or its noise are likelier"
+DENIED = "a register of duty or voltage is much farther off with it"
 #: reasons that hang on what else is in a hypothesis: beside another cause a name may hold
-HANGS = frozenset({BETTER, NOTHING, ALONE, BESIDE, FAINT, CONTRADICTED})
+HANGS = frozenset({BETTER, NOTHING, ALONE, BESIDE, FAINT, CONTRADICTED, DENIED})
 
 
 Grown = tuple[Fit, Sequence[Gain], Sequence[Gain]]  #: a fit, its names, and all that was confirmed
@@ -263,13 +264,15 @@ def _parts(model: JointModel, after: Fit, taken: Sequence[Gain], say: Progress) 
 def _faint(
     model: JointModel, judge: JointModel | None, after: Fit, parts: Sequence[Part]
 ) -> Denied | None:
-    """A name that the positions deny, or that changes next to nothing, however sure it seems."""
+    """A name that positions or registers deny, or that changes next to nothing, sure or not."""
     everywhere = (model, judge) if judge is not None else (model,)
     for part in parts:
         nats = min(part.own.deflated, part.gain.outside)
         if changes_little(everywhere, part.without, after, part.gain.effect, nats):
             worse = contradicted(everywhere, part.without, after)
             return Denied(part.gain, CONTRADICTED if worse else FAINT, again=False)
+        if register_denies(everywhere, part.without, after):
+            return Denied(part.gain, DENIED)
     return None
 
 

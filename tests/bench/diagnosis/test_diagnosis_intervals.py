@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, POSITION, VOLTS, logs, model_of, robot
 
-from bench.diagnosis.joint import intervals, valleys, worth
+from bench.diagnosis.joint import intervals, settling, valleys, worth
 from bench.diagnosis.joint.confidence import NORMAL
 from bench.diagnosis.joint.fit import Fit, fit
 from bench.diagnosis.joint.intervals import (
@@ -30,6 +30,7 @@ from bench.diagnosis.joint.settling import (
     NOTHING,
     SPOILT,
     _denied,
+    _faint,
     _little,
     _objected,
     _parts,
@@ -46,7 +47,7 @@ from bench.diagnosis.joint.valleys import (
     strayed,
 )
 from bench.diagnosis.joint.veto import as_plainer, largest_step, objection
-from bench.diagnosis.joint.worth import explained, explains_little, shown
+from bench.diagnosis.joint.worth import DENIED, explained, explains_little, shown
 from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
 from bench.diagnosis.observed import Channel
 from sim.effects import effect
@@ -541,6 +542,31 @@ def test_little_is_less_than_a_share_and_less_than_what_is_left(
 ):
     monkeypatch.setattr(worth, "_square", lambda _, found, kind: found)
     assert explains_little([], was, missing, left, 0.0) is little
+
+
+@pytest.mark.parametrize(
+    ("missing", "left", "denies"),
+    [
+        (9.0, 1.1 * DENIED * 9.0, True),  # in squares of what rounding leaves
+        (9.0, 0.9 * DENIED * 9.0, False),
+        (0.5, 1.1 * DENIED, False),  # within rounding
+        (9.0, 1.0, False),
+    ],
+)
+@pytest.mark.parametrize("register", [DUTY, VOLTS])
+def test_a_register_that_is_much_farther_off_denies_a_name(
+    missing, left, denies, register, monkeypatch
+):
+    model = model_of(logs(motions=["slow"], registers=(POSITION, register)))
+    name, start = "load_friction", np.zeros(len(model.nuisances))
+    found = fit(model, Hypothesis(effect_knobs(effect(name))), np.append(start, 1.0), rounds=1)
+    parts = _parts(model, found, [gain_of(name, found)], lambda _: None)
+    noise = model.floors()[Kind.DUTY if register == DUTY else Kind.VOLTAGE] ** 2
+    squares = lambda _, one, kind: noise * (left if one is found else missing)  # noqa: E731
+    monkeypatch.setattr(worth, "_square", squares)
+    monkeypatch.setattr(settling, "changes_little", lambda *_: False)
+    objection = _faint(model, model, found, parts)
+    assert (objection is not None and objection.because == settling.DENIED) is denies
 
 
 @pytest.mark.parametrize(("name", "denied"), [("load_friction", False), ("transport_delay", True)])

@@ -30,9 +30,11 @@ from scipy.optimize import brentq
 
 from busemu.plant import DriveCommand, OperatingMode
 from busemu.servo.profile import by_velocity
+from busemu.tables import load_robot
 from sim.drive import lanes, rotor
 from sim.drive.parameters import DriveParameters, Friction
 from sim.effects import effect
+from sim.robot import read_physics
 from sim.rollout import Candidate, Load
 from sim.stepped import TICK_S
 from sim.tree import PhysicalRobot, Supply
@@ -96,6 +98,30 @@ def test_punch_acts_beyond_the_dead_zone_only() -> None:
     command = regulating(0.03, margin_cw_rad=0.05, margin_ccw_rad=0.05)
     told = replay(command, duration_s=0.1)
     assert (regulated(having("punch", duty=0.2), told, np.zeros(101)) == 0.0).all()
+
+
+@pytest.mark.parametrize("margin", [0, 1])
+@pytest.mark.parametrize(
+    "name", ["pendulum", "xl320-pendulum", "mx64-pendulum", "xl330-pendulum", "sts3215-pendulum"]
+)
+def test_no_servo_pushes_where_its_counts_say_that_it_is_at_its_goal(
+    name: str, margin: int
+) -> None:
+    """A robot file rounds its step, so that goals and counts are not the same to the last digit."""
+    robot = load_robot(name)
+    (table,) = robot.tables.values()
+    goal = table["goal_position"]
+    one = Candidate.of(read_physics(robot), 0, level(), rigid=False)
+    counts = np.arange(min(int(goal.maximum), 4095) + 1)
+    step_rad = goal.to_si(1) - goal.to_si(0)
+    more = {"punch_duty": 0.1, "margin_cw_rad": margin * step_rad}
+    for off, pushes in ((0, False), (margin, False), (margin + 1, True)):
+        pushed = set()
+        for count in counts[off::17].tolist():
+            told = replay(regulating(goal.to_si(count - off), **more), duration_s=TICK_S)
+            sensed = np.full(len(told.samples), goal.to_si(count))
+            pushed.add(bool(regulated(one, told, sensed)[-1] != 0.0))
+        assert pushed == {pushes}
 
 
 @pytest.mark.parametrize("scale", [0.5, 1.2, 3.0])
