@@ -22,6 +22,7 @@ from .parts import RAIL_F
 Floats = NDArray[np.float64]
 #: of the board's temperature: K/W and s; assumed
 BOARD_K_W, BOARD_S = 12.0, 120.0
+SAME = 0.01  #: share of a count that is no error: files round a count, and goals do not
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +136,9 @@ class Drives:
         ccw = error > 0.0
         beyond = np.abs(error) - np.where(ccw, self._margin[1], self._margin[0])
         gain = np.where(ccw, self._gain[1], self._gain[0]) * self.gain_factor
-        law = np.where(beyond > 0.0, np.sign(error) * (self._punch + gain * beyond), 0.0)
+        law = np.where(
+            beyond > SAME * self.step_rad, np.sign(error) * (self._punch + gain * beyond), 0.0
+        )
         self._sum = np.clip(self._sum + self._integral * error * TICK_S, -1.0, 1.0)
         law = law + self._sum + self._derivative * (error - self._error) / TICK_S
         self._error = error

@@ -171,11 +171,11 @@ class TorqueSensor:
         All over time, shape (samples,). The motor gives duty times the stall torque and the
         friction it had to overcome at stall; of that, friction takes its part from a joint that
         the motor moves, and adds it to one that the load moves. Until the joint has moved, friction
-        is left out.
+        is left out; and where the motor gives nothing, as it holds whatever there is to hold.
         """
         motor_nm = self.duty(error_rad) * (self._stall_nm(voltage_v) + self.friction_nm)
         way = last_way(position_rad, TURNED_COUNTS * self.count_rad)
-        torque: Floats = motor_nm - self.friction_nm * way
+        torque: Floats = motor_nm - self.friction_nm * way * (motor_nm != 0.0)
         return torque
 
     def _slip(self, velocity_rad_s: Floats | float, voltage_v: Floats | float) -> Floats:

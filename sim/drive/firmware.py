@@ -121,14 +121,16 @@ def position_law(arrays: Arrays, i: int, position: float, tick_s: float) -> floa
         gain, margin, sign = cw_gain, cw_margin, -1.0
     gain *= params[GAIN_SCALE, i]
     beyond = abs(error) - (margin + params[MARGIN_MORE, i])
-    if beyond <= EXACT * params[SENSOR_STEP, i]:
+    exact = EXACT * params[SENSOR_STEP, i]
+    if beyond < -exact:
         return 0.0
     limit = min(commands[DUTY_LIMIT, i], params[DUTY_CAP, i])
     integral_gain = commands[INTEGRAL_GAIN, i] + params[INTEGRAL_MORE, i]
     total = states[INTEGRAL, i] + integral_gain * error * tick_s
     states[INTEGRAL, i] = min(limit, max(-limit, total))  # no wind-up beyond full duty
     punch = (1.0 - params[PUNCH_LEFT_OUT, i]) * commands[PUNCH, i] + params[PUNCH_MORE, i]
-    duty = sign * (punch + gain * beyond) + states[INTEGRAL, i]
+    push = sign * (punch + gain * beyond) if beyond > exact else 0.0
+    duty = push + states[INTEGRAL, i]
     moved = position - states[LAST_POSITION, i]
     damping = commands[DERIVATIVE_GAIN, i] * params[GAIN_SCALE, i]
     return float(duty - damping * moved / tick_s)

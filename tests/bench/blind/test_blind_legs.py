@@ -190,7 +190,7 @@ def test_play_and_spring_add_up_at_the_sensor() -> None:
 @cache
 def as_believed(name: str) -> tuple[Plan, Whole, Floats]:
     """A short plan of a scene, the robot in it as it is believed to be, and its trace."""
-    plan: Plan = WalkPlan(seconds=0.4)
+    plan: Plan = WalkPlan(seconds=1.6)
     if name == "marvin-leg":
         fast = motion("steps", amplitude_rad=0.45, center_rad=0.5, duration_s=1.2)
         plan = ExperimentPlan(fast, joint=f"{LEG}.femur")
