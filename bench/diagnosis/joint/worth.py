@@ -16,7 +16,7 @@ LITTLE = 0.25  #: share of a misfit that a name must explain, where more of it i
 SHOWN, SEEN = 0.6, 2.0
 #: times the mean square that a register may be farther off with a name. Of names of 134 cases of
 #: other engines in which a duty was read, one made it more than 1.1; it was not true
-DENIED = 1.5
+FARTHER = 1.5
 REGISTERS = (Kind.DUTY, Kind.VOLTAGE)  #: each judges a part of the signal's path by itself
 
 
@@ -71,7 +71,7 @@ def shown_share(judges: Collection[JointModel], without: Fit, after: Fit) -> flo
 def register_denies(judges: Collection[JointModel], without: Fit, after: Fit) -> bool:
     """Whether a register is much farther off with an effect, however much nearer the motion is."""
     return any(
-        left > max(DENIED * missing, SEEN**2 * noise)
+        left > max(FARTHER * missing, SEEN**2 * noise)
         for missing, left, noise in _registers(judges, without, after)
     )
 

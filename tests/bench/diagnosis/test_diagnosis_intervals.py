@@ -47,7 +47,7 @@ from bench.diagnosis.joint.valleys import (
     strayed,
 )
 from bench.diagnosis.joint.veto import as_plainer, largest_step, objection
-from bench.diagnosis.joint.worth import DENIED, explained, explains_little, shown
+from bench.diagnosis.joint.worth import FARTHER, explained, explains_little, shown
 from bench.diagnosis.knobs import effect_knobs, joint_effects, of_drive
 from bench.diagnosis.observed import Channel
 from sim.effects import effect
@@ -547,9 +547,9 @@ def test_little_is_less_than_a_share_and_less_than_what_is_left(
 @pytest.mark.parametrize(
     ("missing", "left", "denies"),
     [
-        (9.0, 1.1 * DENIED * 9.0, True),  # in squares of what rounding leaves
-        (9.0, 0.9 * DENIED * 9.0, False),
-        (0.5, 1.1 * DENIED, False),  # within rounding
+        (9.0, 1.1 * FARTHER * 9.0, True),  # in squares of what rounding leaves
+        (9.0, 0.9 * FARTHER * 9.0, False),
+        (0.5, 1.1 * FARTHER, False),  # within rounding
         (9.0, 1.0, False),
     ],
 )
