@@ -21,7 +21,7 @@ from bench.blind import (
     rerun,
     write_case,
 )
-from bench.blind.drives import Electrics
+from bench.blind.drives import Drives, Electrics
 from bench.blind.legged import Body, document, said
 from bench.blind.legged_effects import LEGGED, Where, Whole
 from bench.blind.legs import GRAVITY_M_S2, LegsPlant
@@ -285,3 +285,26 @@ def test_wishes_that_a_scene_cannot_grant_are_refused() -> None:
         legged_case.draw_legged(1, Asked(kind="stranger", rig="marvin-leg"))
     with pytest.raises(ValueError, match="not mimicked"):
         legged_case.draw_legged(1, Asked(kind="single", concealment="mimicked", rig="marvin-leg"))
+
+
+@pytest.mark.parametrize("name", ["marvin", "phantomx"])
+def test_no_servo_pushes_at_the_count_of_its_goal(name: str) -> None:
+    """Goals are counts of a table, and what a sensor shows is counts of the file's rounded step."""
+    robot = load_robot(name)
+    joint = f"{LEG}.femur"
+    goal = robot.tables[robot.by_joint[joint].servo_id]["goal_position"]
+    drives = Drives(robot, [joint], Electrics())
+    for count in range(0, 1024, 31):
+        at_rad = goal.to_si(count)
+        order = DriveCommand(
+            True,
+            goal_position_rad=at_rad,
+            gain_ccw_per_rad=5.0,
+            gain_cw_per_rad=5.0,
+            punch_duty=0.1,
+        )
+        drives.order(0, order)
+        drives.tick(np.array([at_rad]), np.zeros(1), 0.0)
+        assert drives.duty.tolist() == [0.0]
+        drives.tick(np.array([goal.to_si(count + 1)]), np.zeros(1), 0.0)
+        assert drives.duty[0] < -0.1
