@@ -32,6 +32,8 @@ Floats = NDArray[np.float64]
 LAW_REGISTERS = (
     "cw_compliance_margin",
     "ccw_compliance_margin",
+    "cw_dead_zone",
+    "ccw_dead_zone",
     "cw_compliance_slope",
     "ccw_compliance_slope",
     "punch",

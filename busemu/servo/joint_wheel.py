@@ -138,10 +138,19 @@ class JointWheel:
         memory, drive = self._memory, self._memory.table.drive
         proportional = memory["p_gain"] * float(drive["p_gain_duty_per_rad"])
         return {
+            **self._dead_zone(),
             "gain_cw_per_rad": proportional,
             "gain_ccw_per_rad": proportional,
             "integral_gain_per_rad_s": memory["i_gain"] * float(drive["i_gain_duty_per_rad_s"]),
             "derivative_gain_s_per_rad": memory["d_gain"] * float(drive["d_gain_duty_s_per_rad"]),
+        }
+
+    def _dead_zone(self) -> dict[str, float]:
+        """That of a Feetech servo, either way; a Dynamixel with PID gains has none."""
+        return {
+            f"margin_{way}_rad": self._memory.si(f"{way}_dead_zone")
+            for way in ("cw", "ccw")
+            if self._memory.has(f"{way}_dead_zone")
         }
 
     def refuse(self, register: Register, raw: int) -> Refusal | None:

@@ -159,3 +159,14 @@ def test_goal_acceleration_of_an_sts3215_needs_none() -> None:
     servo = OneServo("STS3215", at_count=1000)
     servo.set(torque_enable=1, goal_position=2000, goal_acceleration=50)
     assert servo.command.acceleration_limit_rad_s2 == pytest.approx(5000 * 2 * math.pi / 4096)
+
+
+def test_a_dead_zone_of_a_feetech_servo_is_its_laws_and_one_count_from_the_factory() -> None:
+    servo = OneServo("STS3215")
+    count = 2.0 * math.pi / 4096
+    assert servo.command.margin_cw_rad == pytest.approx(count)
+    assert servo.command.margin_ccw_rad == pytest.approx(count)
+    servo.set(cw_dead_zone=3, ccw_dead_zone=0)
+    assert servo.command.margin_cw_rad == pytest.approx(3 * count)
+    assert servo.command.margin_ccw_rad == 0.0
+    assert OneServo("MX-28").command.margin_cw_rad == 0.0

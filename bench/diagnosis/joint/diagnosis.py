@@ -31,7 +31,7 @@ from .model import Blocks, JointModel, Kind
 from .next_experiment import next_experiments
 from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
-from .remaining import block_rms, remaining
+from .remaining import block_rms, remaining, while_driven
 from .renewed import load_refresh
 from .rest import Rest, is_worse, rest_of
 from .rhythm import short_refresh
@@ -173,7 +173,7 @@ def diagnose_joint(
             *_hunting(judge, before, after),
         ),
         rejected=tuple(rejected),
-        channels=_channels(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
+        channels=channels_of(model, start_blocks, model.residuals(after.hypothesis, [after.z])[0]),
         ranking=tuple(
             {
                 "effect": g.effect,
@@ -278,7 +278,12 @@ def _unexplained(
     )
 
 
-def _channels(model: JointModel, before: Blocks, after: Blocks) -> tuple[Mapping[str, Any], ...]:
+def channels_of(model: JointModel, before: Blocks, after: Blocks) -> tuple[Mapping[str, Any], ...]:
+    """What is left of every register: while the joint is driven, as elsewhere."""
+    before, after = (
+        {key: while_driven(model.observed[key[0]], block) for key, block in blocks.items()}
+        for blocks in (before, after)
+    )
     floors = model.floors()
     words = {
         Kind.POSITION: "the whole path from goal to motion",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
+from bench.diagnosis.joint.diagnosis import channels_of
 from bench.diagnosis.joint.faint import (
     BY_CHANCE,
     ONCE,
@@ -157,6 +158,9 @@ def test_where_a_joint_that_was_let_go_came_to_rest_counts_for_nothing():
     assert group_squares([elsewhere], found)[Kind.POSITION] == [pytest.approx(before, rel=0.01)]
     (blocks,) = elsewhere.residuals(found.hypothesis, [found.z])
     assert np.abs(blocks[0, Kind.POSITION].value).max() > 0.05
+    told = channels_of(elsewhere, blocks, blocks)[0]
+    assert told["channel"] == "position"
+    assert told["rms_after"] < 0.02
 
 
 def test_a_joint_that_never_had_torque_counts_all_the_same():
