@@ -29,7 +29,7 @@ from .search import (
     drop,
     inside,
 )
-from .veto import AGREES, BEHIND, SPLIT, as_plainer, objection
+from .veto import AGREES, BEHIND, SPLIT, as_plainer, impossible, objection
 from .worth import explains_little, register_denies, rms_of, shown
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
@@ -356,13 +356,17 @@ def _little(
     parts: Sequence[Part],
     floor: float,
 ) -> Denied | None:
-    """A name that explains little, where much is left: the cause is another, or one more."""
+    """A name that explains little, where much is left: the cause is another, or one more.
+
+    What others do in its place counts for nothing where they would need sizes that nothing has.
+    """
     if not parts or not rest_of(model, judge, after, floor).structured:
         return None
     everywhere = list(dict.fromkeys((model, judge)))
     unseen = [part for part in parts if not shown(everywhere, part.without, after)]
     for part in unseen:
-        if explains_little(everywhere, before, part.without, after, floor):
+        little = explains_little(everywhere, before, part.without, after, floor)
+        if little and not impossible(model, part.without):
             return Denied(part.gain, BESIDE, again=False)
     if unseen and rms_of(judge, after) ** 2 > (1.0 - OUTSIDE) * rms_of(judge, before) ** 2:
         least = min(unseen, key=lambda part: part.own.deflated)

@@ -67,6 +67,11 @@ def objection(
     return None
 
 
+def impossible(model: JointModel, found: Fit) -> bool:
+    """Whether a fit needs a size of an effect that nothing has."""
+    return any(_implausible(model, found, effect) for effect in found.hypothesis.effects)
+
+
 def _implausible(model: JointModel, found: Fit, effect: str) -> str | None:
     """That a number of an effect is one that nothing has, if it is."""
     count = len(model.nuisances)

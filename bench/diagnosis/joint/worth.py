@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..observed import Observed
 from .fit import Fit
 from .model import JointModel, Kind
 from .remaining import block_rms, remaining
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 LITTLE = 0.25  #: share of a misfit that a name must explain, where more of it is left
 #: share of what is left of a register that a name must take away to be shown by it, where that is
@@ -17,6 +22,10 @@ SHOWN, SEEN = 0.6, 2.0
 #: times the mean square that a register may be farther off with a name. Of names of 134 cases of
 #: other engines in which a duty was read, one made it more than 1.1; it was not true
 FARTHER = 1.5
+#: for how long neither goal nor joint moved where a controller's duty is that of its law alone: no
+#: ramp, delay or instant of reading is in it; and so many samples of that tell. Assumed
+REST_S, ENOUGH = 0.3, 20
+STILL = 1.5  #: counts that a joint at rest may move in that time: one is noise; assumed
 REGISTERS = (Kind.DUTY, Kind.VOLTAGE)  #: each judges a part of the signal's path by itself
 
 
@@ -69,11 +78,45 @@ def shown_share(judges: Collection[JointModel], without: Fit, after: Fit) -> flo
 
 
 def register_denies(judges: Collection[JointModel], without: Fit, after: Fit) -> bool:
-    """Whether a register is much farther off with an effect, however much nearer the motion is."""
-    return any(
-        left > max(FARTHER * missing, SEEN**2 * noise)
-        for missing, left, noise in _registers(judges, without, after)
-    )
+    """Whether a register is much farther off with an effect, however much nearer the motion is.
+
+    That of the duty all the time, or where the joint is at rest: what a motion asks of a law may
+    drown what the law itself does.
+    """
+    seen = [*_registers(judges, without, after), *_at_rest(judges, without, after)]
+    return any(left > max(FARTHER * missing, SEEN**2 * noise) for missing, left, noise in seen)
+
+
+def resting(one: Observed, t_s: Floats) -> Mask:
+    """Whether goal and joint have stood still for a while, at times [s] of shape (n,)."""
+    times, goals = one.goal
+    changed = np.append(-np.inf, times[1:][np.diff(goals) != 0.0])
+    last = changed[np.searchsorted(changed, t_s, side="right") - 1]
+    samples = one.position
+    known = samples.t_s[samples.good], samples.value[samples.good]
+    way = np.interp(t_s, *known) - np.interp(t_s - REST_S, *known)
+    still = np.abs(way) <= STILL * samples.quantum
+    return np.asarray(still & (t_s - last >= REST_S) & (t_s - known[0][0] >= REST_S))
+
+
+def _at_rest(
+    judges: Collection[JointModel], without: Fit, after: Fit
+) -> Iterator[tuple[float, float, float]]:
+    """The same of the duty, where joints are at rest; nothing where they hardly ever are."""
+    missing, left = (_resting_duties(judges, fit) for fit in (without, after))
+    if len(missing) >= ENOUGH:
+        noise = next(float(model.floors()[Kind.DUTY]) for model in judges)
+        yield float(np.mean(missing**2)), float(np.mean(left**2)), noise**2
+
+
+def _resting_duties(judges: Collection[JointModel], found: Fit) -> Floats:
+    """What a fit leaves of duties where joints are at rest and driven."""
+    values = [np.zeros(0)]
+    for judge in judges:
+        for (r, kind), block in remaining(judge, found, driven=True).items():
+            if kind is Kind.DUTY:
+                values.append(block.value[resting(judge.observed[r], block.t_s)])
+    return np.concatenate(values)
 
 
 def _registers(
