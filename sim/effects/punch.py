@@ -26,10 +26,11 @@ EFFECT = Effect(
     ),
     note=(
         "It adds to what the register `punch` holds. Of AX servos the manual draws that this is "
-        "added to the duty; of servos with PID gains that have the register (XL-320, MX with "
-        "Protocol 1.0, STS3215) nobody documents it, and the emulator adds it: `punch_left_out` "
-        "takes it away. A diagnosis fits that share as a tolerance, so that on them a dead zone as "
-        "small as the register's punch is no finding."
+        "added to the duty, and public logs show it of an STS3215; of other servos with PID gains "
+        "that have the register (XL-320, MX with Protocol 1.0) nobody documents it, and the "
+        "emulator adds it: `punch_left_out` takes it away. A diagnosis fits that share as a "
+        "tolerance of all servos with PID gains, so that on them a dead zone as small as the "
+        "register's punch is no finding."
     ),
     change=on_drives(lambda d, v: replace(d, punch_more=d.punch_more + v["duty"])),
 )
