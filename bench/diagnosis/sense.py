@@ -27,6 +27,7 @@ TOLD = frozenset(
         "repeated_times",
         "shuffled_rows",
         "supply_contradicted",
+        "without_effect",
     }
 )
 

@@ -47,7 +47,8 @@ class Register:
     ``raw`` values are the unsigned numbers on the wire. ``minimum`` and ``maximum`` bound what a
     write may put there, in the register's own *decoded* counts (signed registers may be negative);
     where ``allowed`` is not empty, only those counts. A servo whose firmware is older than
-    ``since_firmware`` does not have the register.
+    ``since_firmware`` does not have the register. One that is ``stored`` is kept and read back, and
+    the emulated servo moves no otherwise for it, though a real one does.
     In SI: ``value = (decoded - zero) * scale``, in :attr:`si_unit`.
     """
 
@@ -67,6 +68,7 @@ class Register:
     source: str = ""
     allowed: tuple[int, ...] = ()
     since_firmware: int = 0
+    stored: bool = False
 
     @property
     def writable(self) -> bool:

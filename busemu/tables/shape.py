@@ -87,6 +87,7 @@ REGISTER: Mapping[str, Rule] = MappingProxyType(
         **dict.fromkeys(("name", "access", "area", "encoding", "unit", "source"), TEXT),
         **dict.fromkeys(("range", "allowed"), WHOLES),
         "scale": NUMBER,
+        "stored": TRUTH,
     }
 )
 DRIVE: Mapping[str, Rule] = MappingProxyType(

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from odd_joints import found, joint, recording
 
+from bench.experiments.position_error import position_law
 from bench.recording import Oddity, Weight, oddities
+from busemu.tables import load_table
 
 
 def test_nothing_is_odd_about_a_plain_motion():
@@ -250,3 +252,31 @@ def test_the_gravest_come_first():
     ]
     assert weights == sorted(weights, reverse=True)
     assert weights[0] == Weight.SERIOUS
+
+
+@pytest.mark.parametrize(("raw", "odd"), [(100, True), (0, False)])
+def test_a_register_that_no_model_follows_is_told_where_it_is_not_as_sold(raw, odd):
+    columns = joint()
+    columns["feedforward_1st_gain", "read"] = np.array([0.1]), np.array([float(raw)])
+    of_rows = found(columns, "without_effect")
+    assert [o.register for o in of_rows] == ["feedforward_1st_gain"] * odd
+    servo = {"1": {"model": "XL330-M288", "registers": {"feedforward_1st_gain": raw}}}
+    of_metadata = found(joint(), "without_effect", servo=servo)
+    assert [(o.servo_id, o.register) for o in of_metadata] == [(1, "feedforward_1st_gain")] * odd
+    assert not odd or "is 100, not 0" in of_rows[0].what
+
+
+def test_what_is_stored_moves_no_emulated_servo_and_what_is_not_may():
+    """Of every table: a register is marked only if no command knows it."""
+    for model in ("MX-28(2.0)", "XL330-M288", "XM430-W350", "STS3215"):
+        table = load_table(model)
+        marked = [register for register in table.registers if register.stored]
+        assert marked
+        plain = position_law(table, {})
+        for register in marked:
+            other = register.maximum if register.initial != register.maximum else register.minimum
+            assert position_law(table, {register.name: other}) == plain
+    gain = {"position_p_gain": 100}
+    assert position_law(load_table("XL330-M288"), gain) != position_law(
+        load_table("XL330-M288"), {}
+    )

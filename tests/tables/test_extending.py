@@ -136,7 +136,7 @@ KEYS = ("model", "model_number", "protocol", "source", "register", "remove", "ba
         "instructions", "extends")  # fmt: skip
 ROW_KEYS = ("name", "address", "size", "access", "area", "initial", "range", "allowed", "encoding",
             "unit", "scale", "zero", "sign_bit", "since_firmware", "count", "first",
-            "initial_step")  # fmt: skip
+            "initial_step", "stored")  # fmt: skip
 
 
 def taken_or_refused(document: dict[str, object]) -> str:

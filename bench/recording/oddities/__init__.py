@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from ..recording import Recording
-from . import access, accuracy, clocks, power, signals, told
+from . import access, accuracy, clocks, power, signals, stored, told
 from .channel import channels
 from .counting import Gap, Oddities, SeriesCount, count_accesses, counted, gaps
 from .oddity import Oddity, Weight
@@ -35,9 +35,11 @@ def _all(recording: Recording) -> Iterable[Oddity]:
     yield from told.check(recording)
     yield from clocks.check(recording)
     yield from power.check(recording)
+    yield from stored.check(recording)
     for channel in channels(recording):
         yield from access.check(channel)
         yield from signals.check(channel)
         yield from accuracy.check(channel)
+        yield from stored.check_channel(channel)
     yield from access.check_servos(recording)
     yield from signals.check_goals(recording)
