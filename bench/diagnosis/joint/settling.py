@@ -16,7 +16,6 @@ from .fit import Fit
 from .growing import grow, paired
 from .intervals import Spread, may_be_nothing
 from .model import JointModel, Kind
-from .remaining import block_rms, remaining
 from .rest import rest_of
 from .search import (
     HARM,
@@ -30,7 +29,7 @@ from .search import (
     inside,
 )
 from .veto import AGREES, BEHIND, SPLIT, as_plainer, impossible, objection
-from .worth import explains_little, register_denies, rms_of, shown
+from .worth import explains_little, mean_square, register_denies, rms_of, shown
 
 WORSE = 1.2  #: times the mean square on recordings left out that takes a name back
 IDLE = 0.05  #: share of the same by which a name that is not needed there may make them worse
@@ -125,7 +124,8 @@ def settle(
         return first
     second = settling.settled(left, settling.grown(begun[0], left, begun[1]), first.needed)
     likelier = second.after.cost < first.after.cost
-    nearer = _square(judge or model, second.after) < _square(judge or model, first.after)
+    judges = [judge or model]
+    nearer = mean_square(judges, second.after) < mean_square(judges, first.after)
     if not (second.taken and likelier and nearer):
         return first
     rows = [row for row in first.rejected if row["effect"] not in second.thought_of]
@@ -286,8 +286,8 @@ def _denied(
     """The effect that does most harm to recordings that were not used to fit, if any does."""
     harms = []
     for part in parts[::-1]:
-        mended = _square(model, part.without) - _square(model, after)
-        squares = _square(judge, part.without), _square(judge, after)
+        mended = mean_square([model], part.without) - mean_square([model], after)
+        squares = mean_square([judge], part.without), mean_square([judge], after)
         outside = inside(judge, part.without, after, floors)
         if (why := spoils(*squares, mended, outside, floors[Kind.POSITION])) is not None:
             harms.append((outside.harm, part.gain, why))
@@ -312,11 +312,6 @@ def spoils(
     if without < floor**2 and spoilt > IDLE * without and outside.relief < outside.harm:
         return NEEDLESS
     return None
-
-
-def _square(model: JointModel, found: Fit) -> float:
-    """Mean square of the positions that a fit leaves [rad^2]."""
-    return block_rms(remaining(model, found), Kind.POSITION) ** 2
 
 
 def _unsure(

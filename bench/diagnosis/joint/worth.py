@@ -38,7 +38,9 @@ def explained(
     judges: Collection[JointModel], before: Fit, without: Fit, after: Fit, floor: float
 ) -> float:
     """Share of the squared misfit above the floor that an effect takes away, in some recordings."""
-    was, missing, left = (_square(judges, fit, Kind.POSITION) for fit in (before, without, after))
+    was, missing, left = (
+        mean_square(judges, fit, Kind.POSITION) for fit in (before, without, after)
+    )
     explainable = was - floor**2
     if explainable <= 0.0:
         return 0.0
@@ -54,7 +56,7 @@ def explains_little(
     """
     if explained(judges, before, without, after, floor) >= LITTLE:
         return False
-    missing, left = (_square(judges, fit, Kind.POSITION) for fit in (without, after))
+    missing, left = (mean_square(judges, fit, Kind.POSITION) for fit in (without, after))
     return missing - left < left - floor**2
 
 
@@ -126,11 +128,11 @@ def _registers(
     for kind in REGISTERS:
         floors = [float(model.floors()[kind]) for model in judges if kind in model.floors()]
         if floors:
-            missing, left = (_square(judges, fit, kind) for fit in (without, after))
+            missing, left = (mean_square(judges, fit, kind) for fit in (without, after))
             yield missing, left, floors[0] ** 2
 
 
-def _square(judges: Collection[JointModel], found: Fit, kind: Kind) -> float:
+def mean_square(judges: Collection[JointModel], found: Fit, kind: Kind = Kind.POSITION) -> float:
     """Mean square of what a fit leaves of a register in some recordings; 0 if nobody read it."""
     values = [
         block.value

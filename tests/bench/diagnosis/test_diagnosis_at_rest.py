@@ -61,7 +61,7 @@ def test_a_joint_rests_once_neither_goal_nor_angle_has_moved_for_a_while():
 def test_a_gain_that_a_joint_at_rest_does_not_have_is_denied(scale, denied, monkeypatch):
     """However much better the duty is in motion with it."""
     model = held()
-    monkeypatch.setattr(worth, "_square", lambda *_: 1.0)
+    monkeypatch.setattr(worth, "mean_square", lambda *_: 1.0)
     gain = with_(model, "gain_error", scale=scale)
     assert register_denies([model], with_(model), gain) is denied
     assert not register_denies([model], gain, with_(model))

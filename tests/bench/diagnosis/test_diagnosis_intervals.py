@@ -540,7 +540,7 @@ def test_a_name_that_a_register_shows_is_kept_however_little_it_moves(registers)
 def test_little_is_less_than_a_share_and_less_than_what_is_left(
     was, missing, left, little, monkeypatch
 ):
-    monkeypatch.setattr(worth, "_square", lambda _, found, kind: found)
+    monkeypatch.setattr(worth, "mean_square", lambda _, found, kind: found)
     assert explains_little([], was, missing, left, 0.0) is little
 
 
@@ -563,7 +563,7 @@ def test_a_register_that_is_much_farther_off_denies_a_name(
     parts = _parts(model, found, [gain_of(name, found)], lambda _: None)
     noise = model.floors()[Kind.DUTY if register == DUTY else Kind.VOLTAGE] ** 2
     squares = lambda _, one, kind: noise * (left if one is found else missing)  # noqa: E731
-    monkeypatch.setattr(worth, "_square", squares)
+    monkeypatch.setattr(worth, "mean_square", squares)
     monkeypatch.setattr(settling, "changes_little", lambda *_: False)
     objection = _faint(model, model, found, parts)
     assert (objection is not None and objection.because == settling.DENIED) is denies
