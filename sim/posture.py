@@ -2,7 +2,10 @@
 
 Gravity's torque about a joint's axis is ``cosine cos q - sine sin q`` in the joint's own angle
 ``q``, whatever the others do: all that hangs on the joint turns about its axis as one piece. What
-the others do stands in the two coefficients. What their accelerations do is left out.
+the others do stands in the two coefficients. Where the posture is told over time, so is the torque
+of all that hangs on the joint for being accelerated, but for the joint's own constant inertia: each
+body's mass times the acceleration of its centre, about the axis, and the change of its spin (Newton
+and Euler).
 """
 
 from __future__ import annotations
@@ -17,6 +20,8 @@ from .tree import PhysicalRobot
 
 Floats = NDArray[np.float64]
 
+FEWEST = 7  #: rows from which a motion is told
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PostureLoad:
@@ -26,6 +31,7 @@ class PostureLoad:
     cosine_nm: Floats  #: torque of gravity at the joint angle 0
     sine_nm: Floats  #: less the torque of gravity at the joint angle pi/2
     moment_nm: float  #: weight times lever, the mean over time
+    moved_nm: Floats  #: torque on the joint of how the arm is accelerated, its own inertia apart
 
     def torque_nm(self, joint_rad: Floats) -> Floats:
         """Torque of gravity [N m] at the joint's own angles (n,), positive as the joint turns."""
@@ -33,11 +39,14 @@ class PostureLoad:
         return torque
 
 
-def posture_load(robot: PhysicalRobot, joint: str, angles_rad: Floats) -> PostureLoad:
+def posture_load(
+    robot: PhysicalRobot, joint: str, angles_rad: Floats, step_s: float | None = None
+) -> PostureLoad:
     """The load on a joint while an arm has the joint angles ``angles_rad`` (n, joints).
 
-    Columns are in the order of ``robot.joints``; the joint's own column does not matter. Raises
-    :class:`PhysicsError` for a robot with a trunk, or a joint that nothing hangs on.
+    Columns are in the order of ``robot.joints``. Rows are ``step_s`` [s] apart and smooth; with
+    ``None`` they are postures in which the arm stands still, and the joint's own column does not
+    matter. Raises :class:`PhysicsError` for a robot with a trunk, or a joint that nothing hangs on.
     """
     if robot.trunk is not None:
         raise PhysicsError(
@@ -59,7 +68,53 @@ def posture_load(robot: PhysicalRobot, joint: str, angles_rad: Floats) -> Postur
         cosine_nm=_dot(axis, np.cross(levers, gravity)),
         sine_nm=levers @ gravity,
         moment_nm=float(np.linalg.norm(levers, axis=1).mean() * np.linalg.norm(gravity)),
+        moved_nm=_moved(robot, joint, angles, column, inertia, step_s),
     )
+
+
+def _moved(
+    robot: PhysicalRobot,
+    joint: str,
+    angles: Floats,
+    column: dict[str, int],
+    inertia: float,
+    step_s: float | None,
+) -> Floats:
+    """Torque on a joint of how all that hangs on it is accelerated, without ``inertia`` of its own.
+
+    0 at the ends, where nobody knows how the arm came to move.
+    """
+    needed = np.zeros(len(angles))
+    if step_s is None or len(angles) < FEWEST:
+        return needed
+    places = _places(robot, angles, column)
+    origin, turned = places[joint]
+    axis = turned @ np.array(robot.body(joint).axis)
+    for name in _hanging(robot, joint):
+        at, way = places[name]
+        mass = robot.mass_of(robot.body(name))
+        arm = at + way @ np.array(mass.centre_m)
+        rate = _rate(_rate(arm, step_s), step_s)
+        spun = way @ mass.tensor_kg_m2 @ way.transpose(0, 2, 1)
+        momentum = np.einsum("nij,nj->ni", spun, _spin(way, step_s))
+        torque = mass.mass_kg * np.cross(arm - origin, rate) + _rate(momentum, step_s)
+        needed += _dot(axis, torque)
+    own = _rate(_rate(angles[:, column[joint]], step_s), step_s)
+    moved = inertia * own - needed
+    moved[:2] = moved[-2:] = 0.0
+    return moved
+
+
+def _rate(values: Floats, step_s: float) -> Floats:
+    """Rate of change of rows [1/s], by central differences."""
+    found: Floats = np.gradient(values, step_s, axis=0)
+    return found
+
+
+def _spin(way: Floats, step_s: float) -> Floats:
+    """Angular velocity (n, 3) of rotations (n, 3, 3) [rad/s]."""
+    turning = _rate(way, step_s) @ way.transpose(0, 2, 1)
+    return np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
 
 
 def _levers(
@@ -103,7 +158,7 @@ def _hanging(robot: PhysicalRobot, joint: str) -> list[str]:
 
 
 def _places(
-    robot: PhysicalRobot, angles: Floats, column: dict[str, int], still: str
+    robot: PhysicalRobot, angles: Floats, column: dict[str, int], still: str | None = None
 ) -> dict[str, tuple[Floats, Floats]]:
     """Origin (n, 3) and rotation (n, 3, 3) of every body's frame in the root's; ``still`` at 0."""
     count = len(angles)

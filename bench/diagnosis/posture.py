@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from bench.recording import Recording, RecordingError
 from busemu.tables import Robot, ServoMount
@@ -16,6 +17,7 @@ from sim.rollout import Load
 
 Floats = NDArray[np.float64]
 
+READS = 6.0  #: reads, or rows if these are farther apart, over which angles are smoothed; assumed
 STEP_S = 0.02  #: between the postures of a replay; assumed short against how fast an arm folds
 
 
@@ -45,9 +47,20 @@ def recorded_posture(
                 f"present_position of servo {mount.servo_id} ({mount.joint}) was not read: the "
                 "load on a joint needs the posture of all; record it, or leave this out",
             )
-        columns.append(mount.direction * np.interp(t_s, times, servo) + mount.zero_rad)
+        angles = mount.direction * np.interp(t_s, times, servo) + mount.zero_rad
+        apart_s = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+        columns.append(_smooth(angles, apart_s / float(t_s[1] - t_s[0])))
     posture: Floats = np.stack(columns, axis=1)
     return posture
+
+
+def _smooth(angles: Floats, steps: float) -> Floats:
+    """Angles without most of their rounding: cubics over seven reads, ``steps`` rows apart each."""
+    window = 2 * math.ceil(READS * max(steps, 1.0) / 2.0) + 1
+    if len(angles) < window:
+        return angles
+    smooth: Floats = savgol_filter(angles, window, 3)
+    return smooth
 
 
 def _chain(robot: Robot, joint: str) -> set[str]:
@@ -64,14 +77,24 @@ def _bearing(parents: Mapping[str, str | None], name: str) -> Iterator[str]:
         at = parents.get(at)
 
 
-def arm_load(robot: PhysicalRobot, mount: ServoMount, posture_rad: Floats) -> Load:
-    """The load on one servo of an arm, servo frame, as its posture (n, joints) changes."""
-    told = posture_load(robot, mount.joint, posture_rad)
+def arm_load(
+    robot: PhysicalRobot, mount: ServoMount, posture_rad: Floats, span_s: float | None = None
+) -> Load:
+    """The load on one servo of an arm, servo frame, as its posture (n, joints) changes.
+
+    The rows are spread over ``span_s`` [s]; with ``None`` the arm stands still in each.
+    """
+    step_s = None if span_s is None else span_s / (len(posture_rad) - 1)
+    told = posture_load(robot, mount.joint, posture_rad, step_s)
+    own = posture_rad[:, [j.name for j in robot.joints].index(mount.joint)]
+    # as if what the motion does pulled the joint, as it was recorded, from where it then was
+    straight = told.cosine_nm + told.moved_nm * np.cos(own)
+    level = told.sine_nm - told.moved_nm * np.sin(own)
     cosine, sine = math.cos(mount.zero_rad), math.sin(mount.zero_rad)
     return Load(
         told.inertia_kg_m2,
-        sine_nm=told.cosine_nm * sine + told.sine_nm * cosine,
-        cosine_nm=mount.direction * (told.cosine_nm * cosine - told.sine_nm * sine),
+        sine_nm=straight * sine + level * cosine,
+        cosine_nm=mount.direction * (straight * cosine - level * sine),
         moment_nm=max(told.moment_nm, 1e-9),
     )
 

@@ -97,3 +97,41 @@ def test_angles_of_other_joints_than_the_robots_are_refused():
     robot = read_model(load_robot("arm"))
     with pytest.raises(PhysicsError, match="3 joints, not 2"):
         posture_load(robot, "elbow", np.zeros((4, 2)))
+
+
+def moving_in_mujoco(robot, angles, rates, accelerations):
+    """What each joint's torque must be beside gravity's [N m], by row (n, joints)."""
+    world = MujocoWorld(robot, step_s=0.001)
+    model, data = world.model, world.data
+    at = [int(model.jnt_qposadr[model.joint(j.name).id]) for j in robot.joints]
+    needed = np.zeros_like(angles)
+    for row in range(len(angles)):
+        data.qpos[at], data.qvel[:] = angles[row], 0.0
+        mujoco.mj_forward(model, data)
+        still = data.qfrc_bias[at].copy()
+        data.qvel[at] = rates[row]
+        mujoco.mj_forward(model, data)
+        inertia, acceleration = np.zeros(model.nv), np.zeros(model.nv)
+        acceleration[at] = accelerations[row]
+        mujoco.mj_mulM(model, data, inertia, acceleration)
+        needed[row] = inertia[at] + data.qfrc_bias[at] - still
+    return needed
+
+
+@pytest.mark.parametrize(
+    "robot", [read_model(load_robot("arm")), leaning_arm()], ids=("plain", "leaning")
+)
+def test_a_moving_arm_pulls_its_joints_as_inverse_dynamics_has_it(robot):
+    step_s = 0.002
+    t_s = np.arange(0.0, 0.6, step_s)[:, None]
+    pace, lag = np.array([[5.0, 7.0, 9.0]]), np.array([[0.0, 1.0, 2.0]])
+    angles = 0.8 * np.sin(pace * t_s + lag)
+    rates, accelerations = 0.8 * pace * np.cos(pace * t_s + lag), -(pace**2) * angles
+    needed = moving_in_mujoco(robot, angles, rates, accelerations)
+    for column, joint in enumerate(robot.joints):
+        load = posture_load(robot, joint.name, angles, step_s)
+        own = load.inertia_kg_m2 * accelerations[:, column]
+        expected = (own - needed[:, column])[3:-3]
+        assert load.moved_nm[3:-3] == pytest.approx(expected, abs=2e-3 * np.abs(needed).max())
+        assert np.abs(expected).max() > 0.005 * np.abs(needed).max()
+        assert not posture_load(robot, joint.name, angles).moved_nm.any()

@@ -40,6 +40,7 @@ class Candidates:
     ) -> None:
         self._mount, self._index = mount, index
         self._postures = [o.posture_rad for o in observed]
+        self._spans_s = [float(o.replay.samples[-1]) for o in observed]
         self._conditions = [tuple(sorted(o.condition.items(), key=str)) for o in observed]
         self._bases = {
             key: under(base, dict(o.condition))
@@ -95,7 +96,7 @@ class Candidates:
             if key not in self._arm_loads:
                 if len(self._arm_loads) > REMEMBERED:
                     self._arm_loads.clear()
-                self._arm_loads[key] = arm_load(robot, self._mount, posture)
+                self._arm_loads[key] = arm_load(robot, self._mount, posture, self._spans_s[r])
             return self._arm_loads[key]
         told = one_joint_load(robot)
         hangs = self._mount.to_servo(told.centre_rad)

@@ -104,6 +104,24 @@ def test_the_load_of_a_servo_is_that_of_its_joint_seen_from_the_servo():
             assert seen == pytest.approx(turned.direction * joint.torque_nm(there), abs=1e-12)
 
 
+def test_an_arm_that_moves_pulls_a_servo_where_it_was_recorded():
+    """By what its joint is pulled, beside gravity, the way the servo turns."""
+    span_s = 0.6
+    t_s = np.linspace(0.0, span_s, 61)[:, None]
+    posture = 0.5 * np.sin(np.array([[5.0, 7.0, 9.0]]) * t_s)
+    for mount in ROBOT.servos:
+        turned = replace(mount, direction=-1, zero_rad=0.7)
+        moves = posture_load(ARM, mount.joint, posture, 0.01).moved_nm
+        assert np.abs(moves).max() > 1e-3
+        own = posture[:, [j.name for j in ARM.joints].index(mount.joint)]
+        servo_rad = np.array([turned.to_servo(angle) for angle in own])
+        pulled, still = (
+            load.cosine_nm * np.cos(servo_rad) - load.sine_nm * np.sin(servo_rad)
+            for load in (arm_load(ARM, turned, posture, s) for s in (span_s, None))
+        )
+        assert pulled - still == pytest.approx(turned.direction * moves, abs=1e-12)
+
+
 def test_the_recorded_posture_is_in_joint_angles():
     goal = goals(3.0)
     posture = recorded_posture(recording(0, goal, goal), ROBOT, "elbow", 0.0, 1.0)
