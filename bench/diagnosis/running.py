@@ -98,7 +98,7 @@ def diagnose(
 ) -> list[JointFindings]:
     """Diagnose every joint of a rig or an arm that moves in the recordings, each on its own.
 
-    In an arm the load on a joint is what the recorded posture of the others makes of it.
+    In an arm the load on a joint is what the recorded motion of the others makes of it.
     ``without`` names effects that are taken out of the catalogue; ``known`` is what is odd about
     the recordings, for the limits. Where ``say`` is a :class:`Watch` and its time runs out, joints
     that were not begun are left out, and the limits say so. Raises :class:`DiagnosisError`,

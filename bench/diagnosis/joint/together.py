@@ -81,8 +81,8 @@ def _limits(findings: Sequence[JointFindings]) -> tuple[str, ...]:
     ]
     return (
         *told,
-        "each joint by itself, under the recorded posture of the others: what their accelerations "
-        "do to it is left out, and masses found joint by joint are not in model.toml",
+        "each joint by itself, under the recorded motion of the others: shocks shorter than a few "
+        "reads are smoothed away, and masses found joint by joint are not in model.toml",
     )
 
 
