@@ -32,6 +32,10 @@ def volts(raw):
     return [raw_access(0.02 * k + 0.01, "read", "present_input_voltage", raw) for k in range(90)]
 
 
+def fed_forward():
+    return raw_access(0.011, "read", "feedforward_1st_gain", 90.0)
+
+
 def at(one, supply_v):
     return dict(one.metadata["condition"]) | {"supply_v": supply_v}
 
@@ -68,6 +72,7 @@ SPOILT = {
     "shuffled_rows": lambda one: rewritten(one, **{"import": {"notes": ["unsorted times: two"]}}),
     "stuck": lambda one: rewritten(one, halting),
     "supply_contradicted": lambda one: rewritten(one, more=volts(50.0), condition=at(one, 7.4)),
+    "without_effect": lambda one: rewritten(one, more=[fed_forward()]),
 }
 SAID = {
     "beyond_voltage_limit": "beyond the factory's max_voltage_limit",
@@ -78,6 +83,7 @@ SAID = {
     "shuffled_rows": "unsorted times",
     "stuck": "stays at",
     "supply_contradicted": "says 7.4 V, the register 5.0 V",
+    "without_effect": "it is 90, not 0 as from the factory",
 }
 
 
