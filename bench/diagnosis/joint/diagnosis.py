@@ -29,6 +29,7 @@ from .intervals import estimates
 from .lost import lost_samples
 from .model import Blocks, JointModel, Kind
 from .next_experiment import next_experiments
+from .nuisances import WITHIN, Nuisance
 from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
 from .remaining import block_rms, remaining, while_driven
@@ -349,7 +350,20 @@ def _limits(
             "tolerances, taken together, are further off than anybody believes: they may stand in "
             "for something that these recordings do not show"
         )
-    far = [n.name for n, x in zip(model.nuisances, after.z, strict=False) if abs(float(x)) > 3.0]
-    if far:
-        said.append("taken far outside of what was believed without being named: " + ", ".join(far))
-    return tuple(said)
+    return *said, *far_off(model.nuisances, after.z)
+
+
+def far_off(nuisances: Sequence[Nuisance], z: Floats) -> tuple[str, ...]:
+    """What is to be said of numbers that are far from what the robot's file says and doubts."""
+    far = [
+        f"{n.name.replace('_', ' ')} by {n.value(float(x), 1.0) - 1.0:+.0%} ({abs(x):.1f} "
+        "deviations)"
+        for n, x in zip(nuisances, z, strict=False)
+        if n.reach > WITHIN and abs(float(x)) > WITHIN
+    ]
+    if not far:
+        return ()
+    return (
+        "fitted as tolerances, further from the robot's file than its doubts make likely: "
+        + ", ".join(far),
+    )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pendulum_logs import logs, model_of
 
-from bench.diagnosis.joint.diagnosis import channels_of
+from bench.diagnosis.joint.diagnosis import channels_of, far_off
 from bench.diagnosis.joint.faint import (
     BY_CHANCE,
     ONCE,
@@ -26,6 +26,7 @@ from bench.diagnosis.joint.faint import (
 from bench.diagnosis.joint.fit import Fit
 from bench.diagnosis.joint.floor import engines_rad
 from bench.diagnosis.joint.model import Hypothesis, Kind
+from bench.diagnosis.joint.nuisances import FARTHEST, WITHIN
 from bench.diagnosis.joint.remaining import while_driven
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.noise import Block, Noise
@@ -172,3 +173,14 @@ def test_a_joint_that_never_had_torque_counts_all_the_same():
     assert not limp.driven(limp.position.t_s).any()
     block = Block(limp.position.t_s, limp.position.value, 0.0 * limp.position.value)
     assert while_driven(limp, block) is block
+
+
+def test_a_number_that_is_further_off_than_its_file_doubts_is_told():
+    nuisances = model_of(logs(motions=["slow"])).nuisances
+    doubted = replace(nuisances[0], deviation=0.1, reach=FARTHEST)
+    z = np.zeros(len(nuisances))
+    z[:2] = -2.1, WITHIN
+    (told,) = far_off([doubted, *nuisances[1:]], z)
+    assert told.endswith("torque constant by -21% (2.1 deviations)")
+    z[0] = -1.9
+    assert far_off([doubted, *nuisances[1:]], z) == ()
