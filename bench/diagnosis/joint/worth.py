@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..observed import Observed
 from .fit import Fit
 from .model import JointModel, Kind
+from .play import STANDING_COUNTS
 from .remaining import block_rms, remaining
 
 Floats = NDArray[np.float64]
@@ -25,7 +26,6 @@ FARTHER = 1.5
 #: for how long neither goal nor joint moved where a controller's duty is that of its law alone: no
 #: ramp, delay or instant of reading is in it; and so many samples of that tell. Assumed
 REST_S, ENOUGH = 0.3, 20
-STILL = 1.5  #: counts that a joint at rest may move in that time: one is noise; assumed
 REGISTERS = (Kind.DUTY, Kind.VOLTAGE)  #: each judges a part of the signal's path by itself
 
 
@@ -97,7 +97,7 @@ def resting(one: Observed, t_s: Floats) -> Mask:
     samples = one.position
     known = samples.t_s[samples.good], samples.value[samples.good]
     way = np.interp(t_s, *known) - np.interp(t_s - REST_S, *known)
-    still = np.abs(way) <= STILL * samples.quantum
+    still = np.abs(way) <= STANDING_COUNTS * samples.quantum
     return np.asarray(still & (t_s - last >= REST_S) & (t_s - known[0][0] >= REST_S))
 
 
@@ -107,7 +107,7 @@ def _at_rest(
     """The same of the duty, where joints are at rest; nothing where they hardly ever are."""
     missing, left = (_resting_duties(judges, fit) for fit in (without, after))
     if len(missing) >= ENOUGH:
-        noise = next(float(model.floors()[Kind.DUTY]) for model in judges)
+        noise = next(float(m.floors()[Kind.DUTY]) for m in judges if Kind.DUTY in m.floors())
         yield float(np.mean(missing**2)), float(np.mean(left**2)), noise**2
 
 

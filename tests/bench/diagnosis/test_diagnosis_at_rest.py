@@ -67,6 +67,13 @@ def test_a_gain_that_a_joint_at_rest_does_not_have_is_denied(scale, denied, monk
     assert not register_denies([model], gain, with_(model))
 
 
+def test_a_duty_that_was_read_where_it_is_judged_alone_denies_as_well(monkeypatch):
+    model, judge = held(registers=(POSITION,)), held()
+    monkeypatch.setattr(worth, "mean_square", lambda *_: 1.0)
+    gain = with_(model, "gain_error", scale=0.5)
+    assert register_denies([model, judge], with_(model), gain)
+
+
 def test_without_a_duty_nothing_is_said_of_joints_at_rest():
     model = held(registers=(POSITION,))
     assert not register_denies([model], with_(model), with_(model, "gain_error", scale=0.5))
