@@ -24,6 +24,7 @@ OUTSIDE = frozenset(
         "foot_slip",
         "ground_compliance",
         "gear_spring",
+        "load_of_gear",
         "presliding",
         "punch_left_out",
         "ground_tilt",

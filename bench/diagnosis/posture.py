@@ -82,9 +82,10 @@ def arm_load(
 ) -> Load:
     """The load on one servo of an arm, servo frame, as its posture (n, joints) changes.
 
-    The rows are spread over ``span_s`` [s]; with ``None`` the arm stands still in each.
+    The rows are spread over ``span_s`` [s]; with ``None``, or one row, the arm stands still.
     """
-    step_s = None if span_s is None else span_s / (len(posture_rad) - 1)
+    rows = len(posture_rad)
+    step_s = None if span_s is None or rows == 1 else span_s / (rows - 1)
     told = posture_load(robot, mount.joint, posture_rad, step_s)
     own = posture_rad[:, [j.name for j in robot.joints].index(mount.joint)]
     # as if what the motion does pulled the joint, as it was recorded, from where it then was

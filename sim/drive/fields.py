@@ -62,7 +62,8 @@ TORQUE_DROOP = 43  #: how far torque falls behind the current as that grows [1/A
 PUNCH_LEFT_OUT = 44  #: share of the command's punch that is left out of the duty
 BREAKAWAY = 45  #: angle by which friction gives way before it slips [rad]
 ACCELERATION_CAP = 46  #: acceleration limit nobody set [rad/s^2], infinite is none
-PARAMS = 47
+LOAD_OF_GEAR = 47  #: share of what the gear passes on in friction's external torque
+PARAMS = 48
 FALLING = (  #: those of friction that falls with velocity
     STRIBECK,
     LOAD_MOTOR_STRIBECK,

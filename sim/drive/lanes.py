@@ -60,7 +60,8 @@ CURRENT_SUM = 18  #: over the tick's substeps [A]
 SQUARE_SUM = 19  #: over the tick's substeps [A^2]
 TICK_COSINE = 20  #: of the shaft's angle at the beginning of the tick
 TICK_SINE = 21  #: of the shaft's angle
-MEMORIES = 22
+FASTER = 22  #: acceleration of the shaft in the last substep [rad/s^2]
+MEMORIES = 23
 
 # --- how far a rollout's lanes are: at[field, lane]
 EVENT = 0  #: number of the next event that is no goal

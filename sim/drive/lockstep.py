@@ -32,6 +32,7 @@ from .lanes import (
     DUTY_REFRESH,
     DUTY_SHOWN,
     EVENT,
+    FASTER,
     GOAL_EVENT,
     GRAVITIES,
     HALT,
@@ -130,6 +131,7 @@ def begin(
         if rigid_gear(params, k):
             inertia += load_inertia
         lanes[HALT, k], lanes[PUSH, k] = inertia / dt, dt / inertia  # as in drive()
+        lanes[FASTER, k] = 0.0
         lanes[LOAD_HALT, k], lanes[LOAD_PUSH, k] = load_inertia / dt, dt / load_inertia
     return live
 

@@ -48,8 +48,9 @@ class Friction:
     With ``s = exp(-|w / stribeck_velocity|^stribeck_exponent)``, motor torque ``tm``, external
     torque ``te``: ``Kc + Kv|w| + |Km tm - Ke te| + s (Kcs + |Kms tm - Kes te| + Q)``, where ``Q``
     is ``Keq te^2`` if ``|tm| > |te|`` else ``Kmq tm^2``, and only where the two oppose. ``te`` is
-    what gravity, a cable or a hand do to the load, as in the paper; behind a physics engine, which
-    does not tell, it is what the gear passes on: the load's inertia comes with it.
+    what gravity, a cable or a hand do to the load, as in the paper; or a ``load_of_gear`` of it is
+    what the gear passes on, with which the load's inertia comes. Behind a physics engine, which
+    does not tell them apart, all of it is.
     """
 
     coulomb_nm: float = 0.0
@@ -63,6 +64,11 @@ class Friction:
     load_external_stribeck: float = 0.0
     quadratic_motor_per_nm: float = 0.0
     quadratic_external_per_nm: float = 0.0
+
+    @property
+    def of_load(self) -> bool:
+        """Whether any of it grows with a torque."""
+        return any(getattr(self, name) != 0.0 for name in _OF_LOAD)
 
     def level_nm(self, velocity_rad_s: float, motor_nm: float, external_nm: float) -> float:
         """The friction level [N m], as the compiled step has it."""
@@ -88,6 +94,9 @@ _FRICTION_FIELDS = {
     "quadratic_motor_per_nm": fields.QUADRATIC_MOTOR,
     "quadratic_external_per_nm": fields.QUADRATIC_EXTERNAL,
 }
+
+
+_OF_LOAD = tuple(name for name in _FRICTION_FIELDS if "motor" in name or "external" in name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +134,7 @@ class DriveParameters:
     duty_cap: float = 1.0
     current_cap_a: float = math.inf
     torque_droop_per_a: float = 0.0
+    load_of_gear: float = 0.0
     delay_s: float = 0.0
     zero_offset_rad: float = 0.0
     wave_rad: float = 0.0
@@ -218,6 +228,7 @@ _FIELDS = {
     "duty_cap": fields.DUTY_CAP,
     "current_cap_a": fields.CURRENT_CAP,
     "torque_droop_per_a": fields.TORQUE_DROOP,
+    "load_of_gear": fields.LOAD_OF_GEAR,
     "delay_s": fields.DELAY,
     "zero_offset_rad": fields.ZERO_OFFSET,
     "wave_rad": fields.WAVE,

@@ -7,16 +7,26 @@ substeps, as one mass where the gear is rigid.
 from __future__ import annotations
 
 from .compiling import inlined
-from .fields import BENT, CABLE_STIFFNESS, ROTOR_POSITION, ROTOR_VELOCITY, Array, Arrays
+from .fields import (
+    BENT,
+    CABLE_STIFFNESS,
+    LOAD_OF_GEAR,
+    ROTOR_POSITION,
+    ROTOR_VELOCITY,
+    Array,
+    Arrays,
+)
 from .kernel import cable_torque
 from .lanes import (
     CONDUCTANCE,
     COSINE,
     CURRENT_SUM,
+    FASTER,
     HALT,
     LEASH,
     LEASH_DAMPING,
     LOAD_HALT,
+    LOAD_INERTIA,
     LOAD_PUSH,
     PULL,
     PUSH,
@@ -99,10 +109,11 @@ def turn(
             outer = lanes[PULL, k] + lanes[SLOPE, k] * (shaft - lanes[TICK_POSITION, k])
             current = motor_current(t, speed)
             motor = motor_torque(t, current)
-            load = -outer
+            load, passed = -outer, loads[LOAD_INERTIA, k] * lanes[FASTER, k] - outer
             if not rigid:
-                load = gear_torque(t, angle - shaft, speed - pace)
-            level = friction_level(t, speed, motor, outer)
+                load = passed = gear_torque(t, angle - shaft, speed - pace)
+            external = outer - params[LOAD_OF_GEAR, k] * (outer + passed)
+            level = friction_level(t, speed, motor, external)
             stop = -(lanes[HALT, k] * speed + motor - load)
             bent, push = states[BENT, k], lanes[PUSH, k]
             held = friction(t, level, bent, stop, push, dt)
@@ -110,6 +121,7 @@ def turn(
             angle += dt * speed
             states[BENT, k] = bend(t, bent, dt * speed)
             if rigid:
+                lanes[FASTER, k] = (speed - pace) / dt
                 shaft, pace = angle, speed
             else:
                 bearing = loads[SHAFT_FRICTION, k]

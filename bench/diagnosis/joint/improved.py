@@ -35,7 +35,7 @@ from .fit import EDGE, bounds, estimate_noise, least_squares
 from .gear import with_spring
 from .left import runs_away
 from .model import Blocks, JointModel, Kind
-from .nuisances import PRESLIDING, PUNCH, STALL, Nuisance
+from .nuisances import LOAD_OF_GEAR, PRESLIDING, PUNCH, STALL, Nuisance
 from .remaining import block_rms
 
 Floats = NDArray[np.float64]
@@ -63,6 +63,7 @@ PLACES = {
     "rotor_level": ("rotor_inertia", "scale"),
     PUNCH: ("punch_left_out", "share"),
     PRESLIDING: ("presliding", "breakaway_rad"),
+    LOAD_OF_GEAR: ("load_of_gear", "share"),
     "gear_stiffness": ("gear_spring", "stiffness_scale"),
     "gear_damping": ("gear_spring", "damping_scale"),
 }

@@ -35,7 +35,7 @@ from ..observed import Channel, Observed
 from ..posture import lever_m
 from .candidates import Candidates
 from .instants import believed_refresh_s
-from .nuisances import GEAR_LEVELS, PUNCH, has_punch, nuisances
+from .nuisances import GEAR_LEVELS, LOAD_OF_GEAR, PUNCH, has_punch, nuisances
 from .recorded import Recorded
 from .sways import WAYS, both_ways, swings
 
@@ -45,6 +45,7 @@ LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again fo
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
 TURNING = frozenset({"gain", "read_skew", PUNCH})
 GEARS = frozenset({"backlash", "joint_compliance"})  #: which are about a gear that is a spring
+LOADED = frozenset({"load_friction", "directional_load_friction"})
 SOURCE = "voltage_sag"  #: which makes the voltage of a replay itself
 
 
@@ -120,6 +121,7 @@ class JointModel:
         lost = base.joints[self.index].drive.lost_at_stall
         self.nuisances = nuisances(drive, body, lever_m(base, joint), law, lost)
         self._punched = any(has_punch(o.replay.start, *o.replay.events.T[1:]) for o in observed)
+        self._loaded = base.joints[self.index].drive.friction.of_load
         self.robot = robot
         self.table = robot.tables[self.mount.servo_id]
         if load_refresh_s is None:
@@ -185,6 +187,8 @@ class JointModel:
             idle |= GEAR_LEVELS
         if PUNCH in hypothesis.effects or not self._punched:
             idle.add(PUNCH)
+        if not (self._loaded or LOADED & set(hypothesis.effects)):
+            idle.add(LOAD_OF_GEAR)
         if SOFTER in hypothesis.effects:
             idle.add("gear_stiffness")
         return idle

@@ -35,6 +35,8 @@ SHARE = "(share)"  #: unit of one that lies between nothing and all, and either 
 #: of that name; and the law whose manuals do not say
 PUNCH, UNDOCUMENTED = "punch", "pid"
 PRESLIDING = "presliding"  #: nuisance of friction that gives way before it slips, and its effect
+#: nuisance of what load friction knows of the torque through its gear, and its effect
+LOAD_OF_GEAR = "load_of_gear"
 STALL = "stall_torque"  #: nuisance of a stall torque that was told before friction, and its effect
 #: share of a rotor's inertia that is left at least: a spring cannot move none
 LIGHTEST = 0.02
@@ -124,6 +126,11 @@ def _punch(candidate: Candidate, x: float) -> Candidate:
 
 def _presliding(candidate: Candidate, x: float) -> Candidate:
     candidate.drive[fields.BREAKAWAY] += x
+    return candidate
+
+
+def _load_of_gear(candidate: Candidate, x: float) -> Candidate:
+    candidate.drive[fields.LOAD_OF_GEAR] += x
     return candidate
 
 
@@ -234,6 +241,15 @@ NUISANCES = (
         0.001,
         "how far teeth and bearings give way before they slip is in no data sheet; assumed",
         _presliding,
+        reach=1.0,
+        least=0.0,
+    ),
+    Nuisance(
+        LOAD_OF_GEAR,
+        SHARE,
+        1.0,
+        "whether load friction knows the load's inertia is in no data sheet; assumed",
+        _load_of_gear,
         reach=1.0,
         least=0.0,
     ),

@@ -25,6 +25,7 @@ OUTSIDE = frozenset(
         "encoder_nonlinearity",
         "gear_spring",
         "latency_timer",
+        "load_of_gear",
         "load_refresh",
         "lost_samples",
         "overload_shutdown",

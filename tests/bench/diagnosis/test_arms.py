@@ -122,6 +122,15 @@ def test_an_arm_that_moves_pulls_a_servo_where_it_was_recorded():
         assert pulled - still == pytest.approx(turned.direction * moves, abs=1e-12)
 
 
+def test_an_arm_in_one_posture_stands_still_however_long():
+    """As it does in experiments that nobody has made yet."""
+    posture = np.array([[0.1, 0.8, -0.5]])
+    for mount in ROBOT.servos:
+        for_long, for_ever = (arm_load(ARM, mount, posture, s) for s in (6.0, None))
+        assert for_long.cosine_nm == pytest.approx(for_ever.cosine_nm)
+        assert for_long.sine_nm == pytest.approx(for_ever.sine_nm)
+
+
 def test_the_recorded_posture_is_in_joint_angles():
     goal = goals(3.0)
     posture = recorded_posture(recording(0, goal, goal), ROBOT, "elbow", 0.0, 1.0)

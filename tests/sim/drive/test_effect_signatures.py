@@ -45,6 +45,7 @@ MOVES: Mapping[str, set[str]] = {
     "punch": {P, D, R},
     "presliding": {P, D},
     "punch_left_out": set(),  # what is not there cannot be left out
+    "load_of_gear": set(),  # of no load friction
     "gain_error": {P, D, R},
     "integral_action": {P, D, R},
     "velocity_limit": {P, D, R},

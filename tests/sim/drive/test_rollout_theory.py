@@ -189,6 +189,26 @@ def test_a_stiff_gear_becomes_a_rigid_one(
     assert apart[-1] < (0.01 if load_ratio == 0.0 else 0.03) * apart[0]  # friction has corners
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("stiffness", [math.inf, 3e4])
+def test_load_friction_knows_the_inertia_of_a_load_as_far_as_its_gear_says(
+    share: float, stiffness: float
+) -> None:
+    """Without gravity ``I a = t - K (t + share I_load a)``: the gear passes on ``I_load a``."""
+    ratio, t_s = 0.3, 0.05
+    drive = plain_drive(
+        friction=Friction(load_motor=ratio, load_external=ratio),
+        load_of_gear=share,
+        back_emf_v_s_rad=1e-9,
+        gear_stiffness_nm_rad=stiffness,
+        gear_damping_nm_s_rad=0.0 if math.isinf(stiffness) else 1.0,
+    )
+    out = run(candidate(drive, level()), replay(pushing(0.2), duration_s=t_s + TICK_S))
+    speed = out[:, lanes.OUT_VELOCITY]
+    wanted = (1.0 - ratio) * 0.2 * PUSH_NM / (INERTIA + ratio * share * INERTIA_KG_M2)
+    assert (speed[-1] - speed[5]) / (len(speed) - 6) / TICK_S == pytest.approx(wanted, rel=2e-3)
+
+
 @pytest.mark.parametrize("stiffness", [math.inf, 50.0])
 def test_the_error_of_a_rollout_falls_with_the_step(
     monkeypatch: pytest.MonkeyPatch, stiffness: float
