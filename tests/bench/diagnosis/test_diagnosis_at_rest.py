@@ -94,3 +94,39 @@ def test_what_impossible_sizes_do_in_its_place_does_not_make_a_name_little(
     gain = Gain("acceleration_limit", after, 100.0, 1.0)
     denied = _little(model, model, None, after, [Part(gain, without, gain)], 1e-3)
     assert (denied is not None and denied.because == BESIDE) is little
+
+
+@pytest.mark.parametrize(
+    ("left_rad", "structured", "shows", "believed"),
+    [
+        (0.0145, True, False, False),  # half of the squares, and ten times what is no physics
+        (0.0120, True, False, True),  # a third of them
+        (0.0145, True, True, True),
+        (0.0145, False, False, True),
+    ],
+)
+def test_names_that_leave_much_of_a_misfit_are_neighbours_of_what_has_no_name(
+    left_rad, structured, shows, believed, monkeypatch
+):
+    model = held()
+    monkeypatch.setattr(settling, "explains_little", lambda *_: False)
+    monkeypatch.setattr(settling, "shown", lambda *_: shows)
+    monkeypatch.setattr(settling, "rms_of", lambda _, found: left_rad if found else 0.02)
+    rest = type("Rest", (), {"structured": structured})
+    monkeypatch.setattr(settling, "rest_of", lambda *_: rest)
+    after = with_(model, "transport_delay", delay_s=0.01)
+    gain = Gain("transport_delay", after, 100.0, 1.0)
+    denied = _little(model, model, None, after, [Part(gain, with_(model), gain)], 1e-3)
+    assert (denied is None) is believed
+
+
+def test_what_names_leave_of_a_small_misfit_may_be_two_engines(monkeypatch):
+    model = held()
+    monkeypatch.setattr(settling, "explains_little", lambda *_: False)
+    monkeypatch.setattr(settling, "shown", lambda *_: False)
+    monkeypatch.setattr(settling, "rms_of", lambda _, found: 0.003 if found else 0.004)
+    monkeypatch.setattr(settling, "rest_of", lambda *_: type("Rest", (), {"structured": True}))
+    after = with_(model, "transport_delay", delay_s=0.01)
+    gain = Gain("transport_delay", after, 100.0, 1.0)
+    parts = [Part(gain, with_(model), gain)]
+    assert _little(model, model, None, after, parts, 1e-3) is None
