@@ -45,5 +45,9 @@ EFFECT = Effect(
             source="assumed: a tenth of critical for a light link",
         ),
     ),
+    note=(
+        "The spring lies before the angle sensor, which is on the output shaft: what gives way "
+        "beyond it (a link, a horn) moves no sensor at rest, and no effect here is that."
+    ),
     change=on_drives(change),
 )

@@ -36,6 +36,13 @@ def test_lost_replies_weigh_more_from_one_in_a_hundred_on(lost, weight):
     assert odd.weight == weight
 
 
+def test_one_lost_reply_of_a_register_that_is_seldom_read_is_no_warning():
+    seldom = joint() | {POSITION: tuple(column[::20] for column in joint()[POSITION])}
+    for lost, weight in (((3,), Weight.NOTE), ((3, 9), Weight.WARNING)):
+        (odd,) = found(spiked(POSITION, np.nan, *lost, columns=seldom), "lost_replies")
+        assert odd.weight == weight
+
+
 def test_writes_to_what_only_the_servo_changes_are_told():
     columns = joint() | {("present_temperature", "write"): (np.array([1.0, 2.0]), np.full(2, 30.0))}
     (odd,) = found(columns, "read_only_written")

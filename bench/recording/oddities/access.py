@@ -28,7 +28,7 @@ def check(channel: Channel) -> Iterator[Oddity]:
             channel,
             lost,
             "lost_replies",
-            Weight.WARNING if share > 0.01 else Weight.NOTE,
+            Weight.WARNING if share > 0.01 and lost.size > 1 else Weight.NOTE,
             f"{lost.size} of {len(channel.raw)} reads without an answer ({share:.2%}), "
             f"at most {runs.max()} in a row",
             "what moved meanwhile is not known; losses at high load hint at the cable or supply",
