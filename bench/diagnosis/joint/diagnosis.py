@@ -34,7 +34,7 @@ from .play import PLAY, play, play_cause
 from .regimes import EVERYWHERE, localise
 from .remaining import block_rms, remaining, while_driven
 from .renewed import load_refresh
-from .rest import Rest, is_worse, rest_of
+from .rest import Rest, is_worse, rest_of, volts_left
 from .rhythm import short_refresh
 from .rivals import contemporaries, rivals
 from .search import Progress, beside_others
@@ -102,24 +102,23 @@ def diagnose_joint(
         view = joint.look(observed, judged)
     model, before, judge, settled = view.model, view.before, view.judge, view.settled
     start_blocks, floor, floors = view.start, view.floor, view.floors
-    tell = watch.tell
     after, taken, effects = settled.after, settled.taken, settled.effects
     found, nexts = [], dict[str, list[NextExperiment]]()
     for gain in taken:
         probability, close, fits, without = (
             contemporaries(model, after, gain, settled.confirmed)
             if watch.late
-            else rivals(model, after, gain.effect, effects, settled.confirmed, tell)
+            else rivals(model, after, gain.effect, effects, settled.confirmed, watch.tell)
         )
         close = [rival for rival in close if rival.effect not in settled.refuted]
         fits = {rival.effect: fits[rival.effect] for rival in close if rival.effect in fits}
         if fits and not watch.late:
-            tell(f"what would tell {gain.effect} from its rivals")
+            watch.tell(f"what would tell {gain.effect} from its rivals")
             nexts[gain.effect] = next_experiments(model, after, fits, gain.inflation)
         found.append((gain, without, probability, close))
     if len(taken) > 1:
         taken = beside_others(model, after, [(one[0], one[1]) for one in found], floors)
-    tell("looking at what is left")
+    watch.tell("looking at what is left")
     rest = rest_of(model, judge, after, floor, seed)
     calm = [block_rms(remaining(judge, found), Kind.POSITION) for found in (before, after)]
     causes = [
@@ -151,9 +150,10 @@ def diagnose_joint(
     worse = bool(causes) and is_worse(calm[0], calm[1], floor)
     stands_in = not causes and strained(model, after)  # that something is left nobody may deny
     structured = unnamed or worse or stands_in or rest.structured
-    verdict = verdict_of(bool(causes), structured)
+    power = _unexplained_volts(observed[0].joint, volts_left(model, after))
+    verdict = verdict_of(bool(causes), structured or bool(power))
     if verdict != "consistent" and not watch.late:
-        rejected = _latest([*rejected, *supply_contradiction(model, before, after, tell)])
+        rejected = _latest([*rejected, *supply_contradiction(model, before, after, watch.tell)])
     diagnosis = Diagnosis(
         verdict=verdict,
         mismatch=_mismatch(model, start_blocks, floor, seed) if verdict != "consistent" else (),
@@ -165,7 +165,7 @@ def diagnose_joint(
             held_out=bool(judged),
             recordings=tuple(o.name for o in (judged or observed)),
         ),
-        unexplained=_unexplained(judge, rest, floor, seed) if structured else (),
+        unexplained=(*(_unexplained(judge, rest, floor, seed) if structured else ()), *power),
         next_experiment=tuple(n for cause in _surest(causes) for n in nexts.get(cause.effect, ())),
         limits=(
             *_limits(model, after, {kind for _, kind in start_blocks}, watch),
@@ -277,6 +277,11 @@ def _unexplained(
             "terms": dict(told.terms),
         },
     )
+
+
+def _unexplained_volts(joint: str, volts: float) -> tuple[Mapping[str, Any], ...]:
+    told = {"channel": "present_voltage", "joints": [joint], "where": [EVERYWHERE]}
+    return (told | {"rms_v": volts},) if volts > 0.0 else ()
 
 
 def channels_of(model: JointModel, before: Blocks, after: Blocks) -> tuple[Mapping[str, Any], ...]:

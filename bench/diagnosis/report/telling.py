@@ -287,6 +287,11 @@ def remains(unexplained: Mapping[str, Any]) -> str:
     where = joined(phase(name) for name in unexplained.get("where", ()))
     share, size = unexplained.get("share"), unexplained.get("predictable_rad")
     told = in_few(unexplained.get("joints", ())) or "somewhere"
+    if "rms_v" in unexplained:
+        volts = float(unexplained["rms_v"])
+        return (
+            f"{told}: the voltage register is {volts:.2g} V off, and nothing that was tried is it"
+        )
     if share is not None and share <= 0.0:
         told += ": what is left is more than noise, and the recordings do not agree about it"
     elif size is not None:
@@ -329,7 +334,12 @@ def advice(diagnosis: Diagnosis) -> list[str]:
             "record a motion in which the rivals differ (slower, faster, loaded, lifted, another "
             "gain), and diagnose again with all recordings"
         )
-    if diagnosis.unexplained:
+    if any("rms_v" in each for each in diagnosis.unexplained):
+        told.append(
+            "measure the voltage at the servos, and put it into supply_v of [condition] or into "
+            "[supply] of the robot file"
+        )
+    if any("rms_v" not in each for each in diagnosis.unexplained):
         told.append(
             "read What is left in report.html: where it lives and what it goes with says what kind "
             "of physics it is, or which number of the robot file is farther off than its tolerance"

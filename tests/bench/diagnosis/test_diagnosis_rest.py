@@ -4,15 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulum_logs import JOINT, logs, model_of, robot
+from pendulum_logs import DUTY, JOINT, POSITION, VOLTS, logs, model_of, robot
 
-from bench.diagnosis.joint.fit import Fit, estimate_noise
+from bench.diagnosis.joint.diagnosis import diagnose_joint
+from bench.diagnosis.joint.fit import Fit, estimate_noise, fit
 from bench.diagnosis.joint.floor import REPEATS, SOUND_RAD, engines_rad, held_band_rad, noise_floor
 from bench.diagnosis.joint.model import Hypothesis, JointModel, Kind
 from bench.diagnosis.joint.remainder import Remainder
-from bench.diagnosis.joint.rest import Rest, is_structured, rest_of
+from bench.diagnosis.joint.rest import Rest, is_structured, rest_of, volts_left
 from bench.diagnosis.observed import observe
+from bench.diagnosis.report.telling import advice
 from sim.drive import fields
+from sim.effects import effect
 from sim.model import read_model
 
 
@@ -95,3 +98,31 @@ def test_what_tolerances_take_up_in_all_recordings_lacks_no_physics(truth, struc
     rest = rest_of(model, judge, found, floor)
     assert rest.structured is structured
     assert Kind.POSITION in {kind for _, kind in rest.blocks}
+
+
+def with_volts(scale, registers=(POSITION, DUTY, VOLTS)):
+    """A pendulum whose supply is not what its file believes."""
+    truth = {"supply_voltage": {"scale": scale}}
+    return observe(logs(truth, ("slow", "steps"), registers=registers), robot(), JOINT)
+
+
+def test_a_voltage_that_nothing_explains_is_not_consistent():
+    """The replays are under it, so that the motion is as it should be."""
+    effects = {"dead_zone": effect("dead_zone")}
+    told = diagnose_joint(read_model(robot()), robot(), with_volts(0.87), effects=effects).diagnosis
+    assert (told.verdict, told.causes) == ("unexplained", ())
+    (left,) = told.unexplained
+    assert left["channel"] == "present_voltage"
+    assert left["rms_v"] == pytest.approx(5.0 * (0.96 - 0.87), abs=0.1)  # 4 % are a tolerance
+    assert any("measure the voltage" in each for each in advice(told))
+
+
+@pytest.mark.parametrize(
+    ("scale", "registers"),
+    [(0.97, (POSITION, DUTY, VOLTS)), (0.87, (POSITION, DUTY))],
+    ids=["within its tolerance", "not read"],
+)
+def test_a_voltage_within_noise_or_that_nobody_read_is_no_finding(scale, registers):
+    model = JointModel(read_model(robot()), robot(), with_volts(scale, registers))
+    found = fit(model, Hypothesis(), np.zeros(len(model.nuisances)))
+    assert volts_left(model, found) == 0.0
