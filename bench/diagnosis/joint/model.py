@@ -45,6 +45,7 @@ LATEST = 8  #: vectors whose residuals are remembered: a fit often asks again fo
 #: of the gain, and of the instants of the angles that a controller's duty is worked out along
 TURNING = frozenset({"gain", "read_skew", PUNCH})
 GEARS = frozenset({"backlash", "joint_compliance"})  #: which are about a gear that is a spring
+#: effects beside which it matters what friction knows of the load
 LOADED = frozenset({"load_friction", "directional_load_friction"})
 SOURCE = "voltage_sag"  #: which makes the voltage of a replay itself
 

@@ -119,18 +119,18 @@ def _times(field: int) -> Callable[[Candidate, float], Candidate]:
     return change
 
 
-def _punch(candidate: Candidate, x: float) -> Candidate:
-    candidate.drive[fields.PUNCH_LEFT_OUT] += x
-    return candidate
+def _share(field: int) -> Callable[[Candidate, float], Candidate]:
+    """A share of what the robot's file leaves, as an effect of that name takes it."""
+
+    def change(candidate: Candidate, x: float) -> Candidate:
+        candidate.drive[field] += (1.0 - candidate.drive[field]) * x
+        return candidate
+
+    return change
 
 
 def _presliding(candidate: Candidate, x: float) -> Candidate:
     candidate.drive[fields.BREAKAWAY] += x
-    return candidate
-
-
-def _load_of_gear(candidate: Candidate, x: float) -> Candidate:
-    candidate.drive[fields.LOAD_OF_GEAR] += x
     return candidate
 
 
@@ -231,7 +231,7 @@ NUISANCES = (
         SHARE,
         1.0,
         "whether a PID law adds its punch register to the duty is documented nowhere; assumed",
-        _punch,
+        _share(fields.PUNCH_LEFT_OUT),
         reach=1.0,
         least=0.0,
     ),
@@ -249,7 +249,7 @@ NUISANCES = (
         SHARE,
         1.0,
         "whether load friction knows the load's inertia is in no data sheet; assumed",
-        _load_of_gear,
+        _share(fields.LOAD_OF_GEAR),
         reach=1.0,
         least=0.0,
     ),

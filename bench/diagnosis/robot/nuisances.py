@@ -145,7 +145,8 @@ def _gain(drive: DriveParameters, x: float) -> DriveParameters:
 
 
 def _punch(drive: DriveParameters, x: float) -> DriveParameters:
-    return replace(drive, punch_left_out=drive.punch_left_out + x)
+    left_out = drive.punch_left_out
+    return replace(drive, punch_left_out=left_out + (1.0 - left_out) * x)
 
 
 def tip_of(give_m_n: float) -> tuple[float, float]:

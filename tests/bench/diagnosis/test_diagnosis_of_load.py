@@ -11,13 +11,15 @@ from pendulum_logs import JOINT, POSITION, logs, robot
 
 from bench.diagnosis.joint.diagnosis import diagnose_joint
 from bench.diagnosis.joint.fit import bounds, fit
-from bench.diagnosis.joint.improved import additions
+from bench.diagnosis.joint.improved import PLACES, additions
 from bench.diagnosis.joint.model import Hypothesis, JointModel
-from bench.diagnosis.joint.nuisances import LOAD_OF_GEAR
+from bench.diagnosis.joint.nuisances import LOAD_OF_GEAR, NUISANCES
 from bench.diagnosis.knobs import effect_knobs
 from bench.diagnosis.observed import observe
+from sim.drive import fields
 from sim.effects import effect
 from sim.model import read_model
+from sim.rollout import Candidate, Load
 
 ASKED = ("load_friction", "directional_load_friction")
 RATIO = 0.2
@@ -70,3 +72,16 @@ def test_without_load_friction_there_is_nothing_that_it_could_know():
     for hypothesis, ends in ((Hypothesis(), (0.0, 0.0)), (ALIKE, (0.0, 1.0)), (UNLIKE, (0.0, 1.0))):
         low, high = bounds(model, hypothesis)
         assert (low[k], high[k]) == ends
+
+
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [(LOAD_OF_GEAR, fields.LOAD_OF_GEAR), ("punch_left_out", fields.PUNCH_LEFT_OUT)],
+)
+def test_a_share_is_of_what_the_robot_file_leaves(name, field):
+    """As the effect that stands for it in a better model has it: never more than all."""
+    (nuisance,) = (n for n in NUISANCES if PLACES.get(n.name, ("",))[0] == name)
+    (joint,) = effect(name).apply(read_model(robot()), (), {"share": 0.8}).joints
+    (more,) = effect(name).apply(read_model(robot()), (), {"share": 0.9}).joints
+    believed = Candidate(joint.drive.column(), Load(1e-3, np.zeros(1), np.zeros(1)), 5.0, 0.0)
+    assert nuisance.change(believed, 0.5).drive[field] == pytest.approx(more.drive.column()[field])
