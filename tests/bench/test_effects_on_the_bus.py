@@ -20,6 +20,8 @@ from sim.effects import Effect, Scope, catalogue
 from sim.world import BulletPlant
 
 EFFECTS = list(catalogue().values())
+#: effects of the compiled rollouts of one joint: behind an engine they are as if always on
+OF_ROLLOUTS = {"load_of_gear"}
 #: an effect that a short motion at its typical size does not reach is driven further
 STRONGER: dict[str, dict[str, float]] = {
     "overload_shutdown": {"duty": 0.3, "time_s": 0.05},
@@ -91,7 +93,9 @@ def test_an_effect_that_is_on_shows_in_what_a_program_reads(
 ) -> None:
     robot = rig_for(effect)
     values = effect.typical | STRONGER.get(effect.name, {})
-    assert not same(moved(with_effect(robot, effect.name, **values)), plain[robot.name])
+    assert same(moved(with_effect(robot, effect.name, **values)), plain[robot.name]) is (
+        effect.name in OF_ROLLOUTS
+    )
 
 
 def swing(robot: Robot, until_s: float, begin: int = 0) -> list[ServoState]:

@@ -75,6 +75,7 @@ TOLERANCES: Mapping[str, str] = MappingProxyType(
         "gain": "gain of the controller",
         "punch": "share of the punch left out",
         "presliding": "way before friction slips",
+        "load_of_gear": "share of the gear's torque in friction of load",
         "stall_torque": "torque at stall, of what it was told",
         "gear_stiffness": "stiffness of the gear",
         "gear_damping": "damping of the gear",

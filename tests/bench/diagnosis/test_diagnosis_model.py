@@ -21,7 +21,7 @@ from bench.diagnosis.joint.fit import (
 from bench.diagnosis.joint.intervals import covariances, estimates
 from bench.diagnosis.joint.left import INSTANT_S, WILD, Left, averaged
 from bench.diagnosis.joint.model import LATEST, Hypothesis, JointModel, Kind
-from bench.diagnosis.joint.nuisances import GEAR_LEVELS
+from bench.diagnosis.joint.nuisances import GEAR_LEVELS, LOAD_OF_GEAR
 from bench.diagnosis.joint.remaining import block_rms, remaining, score
 from bench.diagnosis.joint.search import NEEDED, confirm
 from bench.diagnosis.joint.sways import FRICTION, SUPPLY
@@ -462,8 +462,8 @@ def test_the_sandwich_is_near_what_the_likelihood_believes_on_a_null(null):
     believed, sandwich = covariances(null, found)
     assert believed == pytest.approx(believed.T)
     assert (np.diag(believed) <= 1.0 + 1e-6).all()  # never wider than the prior
-    free = np.diag(believed) > 0.0  # the levels of a rigid gear are idle
-    assert free.sum() == len(null.nuisances) - len(GEAR_LEVELS)
+    free = np.diag(believed) > 0.0  # the levels of a rigid gear are idle, and what knows of loads
+    assert free.sum() == len(null.nuisances) - len({*GEAR_LEVELS, LOAD_OF_GEAR})
     ratio = np.diag(sandwich)[free] / np.diag(believed)[free]
     assert np.median(ratio) < 3.0
 
