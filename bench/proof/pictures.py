@@ -1,4 +1,7 @@
-"""Figures of a proof: power against size, what is taken for what, probabilities, fits."""
+"""Figures of a proof: power against size, what is taken for what, probabilities, fits.
+
+There is none where no case speaks for it.
+"""
 
 from __future__ import annotations
 
@@ -57,12 +60,14 @@ def _sizes(axes: Axes) -> None:
 
 
 @styled
-def power(cases: Sequence[Judged]) -> Figure:
+def power(cases: Sequence[Judged]) -> Figure | None:
     """Share of single effects that are named right, against size; all, then each effect.
 
     Size is over the floor of noise, with all else known; and what tolerances leave of that.
     """
     singles = [c for c in cases if c.kind == "single"]
+    if not singles:
+        return None
     names = sorted({c.hidden[0] for c in singles})
     rows = math.ceil(len(names) / COLUMNS)
     figure = Figure(figsize=(9.0, 3.2 + 1.5 * rows), layout="constrained")
@@ -81,7 +86,7 @@ def power(cases: Sequence[Judged]) -> Figure:
         _sizes(axes)
         axes.set_xlabel(words)
     asked.set_title("All single effects")
-    if singles:
+    if left.get_legend_handles_labels()[0]:
         left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     for i, name in enumerate(names):
         axes = figure.add_subplot(grid[1 + i // COLUMNS, i % COLUMNS])
@@ -94,7 +99,7 @@ def power(cases: Sequence[Judged]) -> Figure:
 
 
 @styled
-def confusion(cases: Sequence[Judged]) -> Figure:
+def confusion(cases: Sequence[Judged]) -> Figure | None:
     """What is hidden against what is named first, at 1 x the floor and more; rows add up to one."""
     rows: dict[str, Counter[str]] = {}
     for c in cases:
@@ -103,6 +108,8 @@ def confusion(cases: Sequence[Judged]) -> Figure:
         true = c.hidden[0] if c.hidden else NOTHING
         true = f"{true} ({c.kind})" if c.kind in UNKNOWN_KINDS else true
         rows.setdefault(true, Counter())[_first(c)] += 1
+    if not rows:
+        return None
     order = sorted(rows, key=lambda name: (name.partition("(")[2], name == NOTHING, name))
     named = sorted({n for row in rows.values() for n in row} | {NOTHING, LEFT})
     named = [n for n in named if n not in (NOTHING, LEFT)] + [NOTHING, LEFT]
@@ -113,8 +120,7 @@ def confusion(cases: Sequence[Judged]) -> Figure:
     )
     axes = figure.subplots()
     axes.grid(visible=False)
-    if order:
-        axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     for y, true in enumerate(order):
         for x, name in enumerate(named):
             if rows[true][name]:
@@ -136,8 +142,10 @@ def _first(c: Judged) -> str:
 
 
 @styled
-def calibration(cases: Sequence[Judged]) -> Figure:
+def calibration(cases: Sequence[Judged]) -> Figure | None:
     """Stated probabilities against how often they are right."""
+    if not any(c.named for c in cases):
+        return None
     figure, (axes,) = panels(1, 4.8, 4.2)
     axes.plot([0, 1], [0, 1], color=GOAL, lw=1, ls="--")
     for by_class, colour, label in ((False, MEASURED, "by name"), (True, START, "by class")):
@@ -160,16 +168,17 @@ def calibration(cases: Sequence[Judged]) -> Figure:
             axes.annotate(str(len(own)), (x, y), (4, -9), textcoords="offset points", fontsize=7)
     handles, labels = axes.get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
-    if unique:
-        axes.legend(unique.values(), unique.keys(), loc="upper left")
+    axes.legend(unique.values(), unique.keys(), loc="upper left")
     axes.set(xlim=(0, 1.02), ylim=(0, 1.02), xlabel="stated probability", ylabel="share right")
     return figure
 
 
 @styled
-def coverage(cases: Sequence[Judged]) -> Figure:
+def coverage(cases: Sequence[Judged]) -> Figure | None:
     """Errors of parameters, and the share of intervals that hold the truth, by effect."""
     told = [p for c in cases if c.ratio >= 0.95 for p in c.checked if p.main]
+    if not told:
+        return None
     names = sorted({p.effect for p in told})
     figure = Figure(figsize=(8.0, 1.6 + 0.22 * max(len(names), 4)), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
@@ -194,10 +203,13 @@ def coverage(cases: Sequence[Judged]) -> Figure:
 
 
 @styled
-def explained(cases: Sequence[Judged]) -> Figure:
+def explained(cases: Sequence[Judged]) -> Figure | None:
     """Share of the explainable held-out misfit that is removed, against size."""
+    kinds = {"single": MEASURED, "pair": MODELLED, "triple": STOP}
+    if not any(c.kind in kinds and c.explained is not None for c in cases):
+        return None
     figure, (axes,) = panels(1, 7.0, 3.4)
-    for kind, colour in (("single", MEASURED), ("pair", MODELLED), ("triple", STOP)):
+    for kind, colour in kinds.items():
         own = [(c.ratio, c.explained) for c in cases if c.kind == kind and c.explained is not None]
         if own:
             x, y = np.array(own, np.float64).T
@@ -207,8 +219,7 @@ def explained(cases: Sequence[Judged]) -> Figure:
     axes.minorticks_off()
     axes.axhline(0.95, color=START, lw=1)
     axes.set(ylim=(-1.05, 1.05), xlabel="size / detection floor", ylabel="share removed")
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="lower right")
+    axes.legend(loc="lower right")
     return figure
 
 

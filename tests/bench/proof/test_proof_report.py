@@ -114,7 +114,9 @@ def test_everything_is_written_beside_the_score(ambiguous):
     assert line["named"] == "transport_delay:0.600"
     page = (proof.folder / "index.html").read_text()
     assert "case-0001" in page
-    for name in ("power", "confusion", "calibration", "coverage", "explained"):
+    drawn = {path.stem for path in (proof.folder / "figures").iterdir()}
+    assert drawn >= {"power", "confusion", "calibration"}
+    for name in drawn:
         assert f"src='figures/{name}.png'" in page
         assert (proof.folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads((proof.folder / "keys" / "case-0001.json").read_text())["kind"] == "single"
@@ -206,3 +208,17 @@ def test_power_is_drawn_against_the_size_and_against_what_tolerances_leave_of_it
     for axes, told in ((asked, {5.0: 1 / 3}), (left, {0.5: 0.0, 5.0: 1.0})):
         first = axes.containers[0].lines[0]
         assert dict(zip(*first.get_data(), strict=True)) == pytest.approx(told)
+
+
+def test_a_figure_that_no_case_speaks_for_is_not_drawn(tmp_path):
+    hidden = effect("dead_zone", margin_rad=(0.01, 0.0))
+    triple = judged(key("triple", hidden, hidden, hidden), diagnosis(), "silent")
+    assert set(pictures.draw([triple], tmp_path / "little", tmp_path)) == {"explained"}
+    assert pictures.draw([], tmp_path / "none", tmp_path) == {}
+    named = judged(key("triple", hidden), diagnosis(cause("dead_zone", 0.9)), "named")
+    assert set(pictures.draw([named], tmp_path / "some", tmp_path)) == {
+        "calibration",
+        "explained",
+    }
+    single = judged(key("single", hidden), diagnosis(), "alone")
+    assert {"power", "confusion"} <= set(pictures.draw([single], tmp_path / "more", tmp_path))
