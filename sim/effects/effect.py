@@ -149,6 +149,11 @@ def on_joints(change: Callable[[Joint, Values], Joint]) -> Callable[..., Physica
     return everywhere
 
 
+def shared(now: float, share: float) -> float:
+    """How much of all there is, once a share of what there was ``now`` to add has been added."""
+    return now + (1.0 - now) * share
+
+
 def on_drives(
     change: Callable[[DriveParameters, Values], DriveParameters],
 ) -> Callable[..., PhysicalRobot]:

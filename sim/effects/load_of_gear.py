@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..drive.parameters import DriveParameters
-from .effect import Effect, Group, Parameter, Scope, Values, on_drives
+from .effect import Effect, Group, Parameter, Scope, Values, on_drives, shared
 
 
 def change(drive: DriveParameters, values: Values) -> DriveParameters:
     """Let what the gear passes on stand for a share of what came from outside until now."""
-    outside = (1.0 - drive.load_of_gear) * (1.0 - values["share"])
-    return replace(drive, load_of_gear=1.0 - outside)
+    return replace(drive, load_of_gear=shared(drive.load_of_gear, values["share"]))
 
 
 EFFECT = Effect(

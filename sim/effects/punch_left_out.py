@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..drive.parameters import DriveParameters
-from .effect import Effect, Group, Parameter, Scope, Values, on_drives
+from .effect import Effect, Group, Parameter, Scope, Values, on_drives, shared
 
 
 def change(drive: DriveParameters, values: Values) -> DriveParameters:
     """Leave a share of what is added until now out of the duty."""
-    added = (1.0 - drive.punch_left_out) * (1.0 - values["share"])
-    return replace(drive, punch_left_out=1.0 - added)
+    return replace(drive, punch_left_out=shared(drive.punch_left_out, values["share"]))
 
 
 EFFECT = Effect(

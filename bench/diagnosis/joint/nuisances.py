@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.drive import fields
+from sim.effects.effect import shared
 from sim.entries import Section
 from sim.rollout import Candidate, Load
 from sim.stepped import TICK_S
@@ -123,7 +124,7 @@ def _share(field: int) -> Callable[[Candidate, float], Candidate]:
     """A share of what the robot's file leaves, as an effect of that name takes it."""
 
     def change(candidate: Candidate, x: float) -> Candidate:
-        candidate.drive[field] += (1.0 - candidate.drive[field]) * x
+        candidate.drive[field] = shared(candidate.drive[field], x)
         return candidate
 
     return change

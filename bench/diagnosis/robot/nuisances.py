@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sim.drive.parameters import DriveParameters
 from sim.effects import effect
+from sim.effects.effect import shared
 from sim.effects.link_mass import scaled
 from sim.shapes import MassProperties
 from sim.tree import SEGMENTS, PhysicalRobot
@@ -145,8 +146,7 @@ def _gain(drive: DriveParameters, x: float) -> DriveParameters:
 
 
 def _punch(drive: DriveParameters, x: float) -> DriveParameters:
-    left_out = drive.punch_left_out
-    return replace(drive, punch_left_out=left_out + (1.0 - left_out) * x)
+    return replace(drive, punch_left_out=shared(drive.punch_left_out, x))
 
 
 def tip_of(give_m_n: float) -> tuple[float, float]:
