@@ -368,9 +368,11 @@ def _little(
         little = explains_little(everywhere, before, part.without, after, floor)
         if little and not impossible(model, part.without):
             return Denied(part.gain, BESIDE, again=False)
+    if not unseen:
+        return None
     was, left = rms_of(judge, before), rms_of(judge, after)
     needed = BULK if left > FAR_OFF * tolerance(floor) else OUTSIDE
-    if unseen and left**2 > (1.0 - needed) * was**2:
+    if left**2 > (1.0 - needed) * was**2:
         least = min(unseen, key=lambda part: part.own.deflated)
         return Denied(least.gain, BESIDE, again=False)
     return None
