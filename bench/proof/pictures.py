@@ -56,6 +56,7 @@ def _sizes(axes: Axes) -> None:
     axes.set_xscale("log")
     axes.set_xticks(RATIOS, [f"{r:g}" for r in RATIOS])
     axes.minorticks_off()
+    axes.set_xlim(RATIOS[0] / 1.25, RATIOS[-1] * 1.25)
     axes.set_ylim(-0.05, 1.05)
 
 
