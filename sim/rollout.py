@@ -195,22 +195,16 @@ class Batch:
         sensed = np.zeros_like(out)
         for j, angles in enumerate(sensed_rad):
             sensed[j, : len(angles)] = angles
-        tasks = [
-            _pool(self._threads).submit(
-                regulating.regulate,
-                groups,
-                np.array([c.skew_s for c in candidates]),
-                jobs,
-                sensed,
-                TICK_S,
-                first,
-                last,
-                out,
-            )
-            for first, last in self._parts(len(jobs.number))
-        ]
-        for task in tasks:
-            task.result()
+        skews = np.array([c.skew_s for c in candidates])
+        given = groups, skews, jobs, sensed, TICK_S
+        if self._threads == 1:  # here: no thread outlives a fork
+            regulating.regulate(*given, 0, len(jobs.number), out)
+        else:
+            parts = self._parts(len(jobs.number))
+            pool = _pool(self._threads)
+            tasks = [pool.submit(regulating.regulate, *given, *part, out) for part in parts]
+            for task in tasks:
+                task.result()
         return [out[j, : len(self.replays[r].samples)] for j, r in enumerate(replays)]
 
     def _jobs(

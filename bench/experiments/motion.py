@@ -155,6 +155,12 @@ def shutdown_registers(robot: Robot) -> tuple[str, ...]:
     return tuple(sorted({str(t.drive["shutdown_cuts"]) for t in robot.tables.values()}))
 
 
+def load_register(robot: Robot, joint: str) -> str:
+    """The register that shows the duty of a joint's servo: its load, or its PWM."""
+    table = robot.tables[robot.by_joint[joint].servo_id]
+    return "present_load" if "present_load" in table else "present_pwm"
+
+
 def observe(session: Session, every_s: float, names: Callable[[str], bool]) -> None:
     """Have what stands beside an emulated robot recorded, of the names that are wanted.
 

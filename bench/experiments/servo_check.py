@@ -29,7 +29,7 @@ from ..recording import Recording
 from ..running import Session
 from .experiment import Choice, ExperimentError, Progress, Trial
 from .lines import Line, fit_line
-from .motion import Motion, moving, observe, shutdown_registers
+from .motion import Motion, load_register, moving, observe, shutdown_registers
 from .position_error import TorqueSensor
 from .rigs import clamp_rad, is_rig, no_such_leg, rest_rad
 from .series import Floats, condition, rms, robot_of, samples, spans_s
@@ -264,12 +264,6 @@ def _points(
         parts.append((found.error_rad, found.true_nm, load, found.voltage_v))
     error, torque, load, volt = (np.concatenate(part) for part in zip(*parts, strict=True))
     return error, torque, load, volt
-
-
-def load_register(robot: Robot, joint: str) -> str:
-    """The register that shows the duty of a joint's servo: its load, or its PWM."""
-    table = robot.tables[robot.by_joint[joint].servo_id]
-    return "present_load" if "present_load" in table else "present_pwm"
 
 
 def _drive_of(robot: Robot, joint: str) -> Mapping[str, Any]:

@@ -25,7 +25,7 @@ from hal.legs import PARTS, Legs, quantity
 from ..recording import Recording
 from ..running import Session
 from .experiment import Choice, Progress, Trial
-from .motion import Motion, moving, observe, shutdown_registers
+from .motion import Motion, load_register, moving, observe, shutdown_registers
 from .position_error import TorqueSensor
 from .rigs import only_hexapods
 from .series import condition, cut_at_s, robot_of, samples, span_s
@@ -117,7 +117,8 @@ class TorqueAnalysisExperiment:
         }
         rng = np.random.default_rng(trial.seed)
         watched = [f"{name}.{part}" for name in supporting for part in PARTS]
-        slow = ("present_voltage", *shutdown_registers(robot))
+        loads = sorted({load_register(robot, joint) for joint in watched})
+        slow = ("present_voltage", *loads, *shutdown_registers(robot))
         seen = {f"rig/{joint}_nm" for joint in watched}
         seen |= {f"contact/{name}_n" for name in supporting}
         observe(session, OBSERVE_S, seen.__contains__)

@@ -24,7 +24,7 @@ from .fit import RobotFit
 from .gains import RobotFindings, RobotGain
 from .improved import of_causes, of_nuisances
 from .judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
-from .limits import in_series, limits, other_volts, stand_in
+from .limits import in_series, limits, other_duties, other_volts, stand_in
 from .model import RATTLING, Progress, RobotModel, is_play
 from .next import next_experiments
 from .places import mismatch, moved
@@ -151,7 +151,8 @@ class Work:
         ends = () if causes else self.held.strained(after, found.in_vain)
         unlike = not causes and far_off(fit.after, fit.noise_floor)
         volts = self.held.volts_denied(after)
-        left = bool(ends or volts or unlike) or rest.structured or worsened(causes, fit)
+        off = self.held.duties_denied(after)
+        left = bool(ends or volts or off or unlike) or rest.structured or worsened(causes, fit)
         verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
@@ -165,6 +166,7 @@ class Work:
                 *limits(model, after, self.which, self.held_out),
                 *stand_in(ends),
                 *other_volts(volts),
+                *other_duties(off),
                 *in_series(causes),
                 *told(play is not None, shakes, shook, shaken),
             ),
@@ -311,11 +313,13 @@ class Work:
                 RobotKind.JOINTS: "all joints",
                 RobotKind.HEIGHT: "the trunk's height [m]",
                 RobotKind.VOLTAGE: "the supply at the servos [V]",
+                RobotKind.DUTY: "duties of joints that stand",
             }
+            over = "along their angles" if kind is RobotKind.DUTY else "over the phase of the gait"
             rows.append(
                 {
                     "channel": "position" if kind is RobotKind.JOINTS else kind.value,
-                    "judges": f"{what[kind]}, over the phase of the gait",
+                    "judges": f"{what[kind]}, {over}",
                     "rms_before": values[0],
                     "rms_after": values[1],
                     "rounding": floor,

@@ -21,7 +21,8 @@ from sim.tree import PhysicalRobot
 
 from ..observed import held_at
 from .gait import Bins, Phase, commanded_lift, gait_phase
-from .replay import SETTLE_S, Course, Span, Track
+from .regulated import LEVELS, Regulated
+from .replay import SETTLE_S, Course, Span, Track, loaded
 from .shaking import PHASES, Shaking
 
 Floats = NDArray[np.float64]
@@ -42,17 +43,18 @@ class RobotKind(enum.Enum):
     HEIGHT = "height"  #: of the trunk over where it began, where an observer recorded it
     VOLTAGE = "voltage"  #: of the supply, where servos' registers of it were read
     SHAKING = "shaking"  #: of joints from sample to sample, as a logarithm
+    DUTY = "duty"  #: of joints that stand, along their recorded angles, where loads were read
 
 
-#: what is compared by its means over the phase
-MEANS = (RobotKind.JOINTS, RobotKind.HEIGHT, RobotKind.VOLTAGE)
+#: what is compared by its means
+MEANS = (RobotKind.JOINTS, RobotKind.HEIGHT, RobotKind.VOLTAGE, RobotKind.DUTY)
 
 
 def by_kind(
-    angle_rad: Floats, height_m: Floats, voltage_v: Floats, shaken: Floats
+    angle_rad: Floats, height_m: Floats, voltage_v: Floats, shaken: Floats, duty: Floats
 ) -> dict[RobotKind, Floats]:
     """Rows by kind, without channels that nobody watched."""
-    found = {RobotKind.JOINTS: angle_rad, RobotKind.SHAKING: shaken}
+    found = {RobotKind.JOINTS: angle_rad, RobotKind.SHAKING: shaken, RobotKind.DUTY: duty}
     if len(height_m):
         found[RobotKind.HEIGHT] = height_m
     if len(voltage_v):
@@ -93,6 +95,7 @@ class Features:
     voltage_v: Floats
     shaking: Shaking
     shaken: Floats  #: as recorded
+    regulated: Regulated
 
     @classmethod
     def of(cls, course: Course, robot: Robot) -> Features:
@@ -142,6 +145,7 @@ class Features:
             voltage_v=_mean(voltage_bins, None if volts is None else volts[1]),
             shaking=shaking,
             shaken=shaking.rows(course.position_rad),
+            regulated=Regulated.of(course, robot, loaded(robot, course.condition)),
         )
 
     def rows(self, values: tuple[Floats, ...] | list[Floats]) -> Floats:
@@ -165,7 +169,8 @@ class Features:
     @property
     def recorded(self) -> dict[RobotKind, Floats]:
         """Rows as they were recorded, by kind."""
-        return by_kind(self.position_rad, self.height_m, self.voltage_v, self.shaken)
+        own = self.position_rad, self.height_m, self.voltage_v, self.shaken
+        return by_kind(*own, self.regulated.recorded)
 
     @property
     def size(self) -> int:
@@ -280,6 +285,7 @@ class Features:
             RobotKind.HEIGHT: np.full(len(self.height_m), -1),
             RobotKind.VOLTAGE: np.full(len(self.voltage_v), -1),
             RobotKind.SHAKING: np.arange(len(self.shaken)) // len(PHASES),
+            RobotKind.DUTY: np.arange(len(self.regulated.recorded)) // LEVELS,
         }
         own: NDArray[np.bool_] = rows[kind] == joint
         return own
@@ -291,7 +297,10 @@ class Features:
         """
         number = np.full((len(self.bins), 1 + max(self.bin.max(), other.bin.max())), -1)
         number[self.joint_row, self.bin] = np.arange(len(self.bin))
-        rows = {RobotKind.JOINTS: number[other.joint_row, other.bin]}
+        rows = {
+            RobotKind.JOINTS: number[other.joint_row, other.bin],
+            RobotKind.DUTY: np.arange(len(self.regulated.recorded)),
+        }
         for kind, mine, theirs in (
             (RobotKind.HEIGHT, self.height_m, other.height_m),
             (RobotKind.VOLTAGE, self.voltage_v, other.voltage_v),

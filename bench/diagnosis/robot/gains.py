@@ -38,9 +38,9 @@ class RobotGain:
         return self.nats / self.inflation
 
     def counting(self, now: RobotFit) -> float:
-        """The gain that counts over ``now`` [nats], of which voltages are not deflated.
+        """The gain that counts over ``now`` [nats], of which voltages and duties are not deflated.
 
-        What a model of joints does wrong over and over makes their gains too large. Voltages tell
+        What a model of joints does wrong over and over makes their gains too large. Registers tell
         theirs once, however many recordings show them.
         """
         once = now.once - self.fit.once

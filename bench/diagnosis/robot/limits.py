@@ -16,6 +16,10 @@ from .shaking import SELDOM_S
 FAR = 3.0  #: deviations of its prior at which a tolerance is worth a word
 
 
+#: what shows a gain of a robot that stands
+READ_LOADS = "; present_load of one servo a cycle, by turns, would show a low gain as it stands"
+
+
 def limits(
     model: RobotModel, after: RobotFit, which: Sequence[int], held_out: bool
 ) -> tuple[str, ...]:
@@ -25,7 +29,7 @@ def limits(
         "second where there is no gait): what differs from cycle to cycle is not judged",
         "the fit before and after is that of the samples in which the robot walks (or of all "
         "after the first second): how it stands up before depends on how it lay",
-        "load and temperature registers are not used for a whole robot",
+        "of a whole robot temperature registers are not used, and loads of joints that stand only",
     ]
     if RobotKind.VOLTAGE not in model.floors():
         said.append(
@@ -70,7 +74,7 @@ def without_gait(model: RobotModel) -> tuple[str, ...]:
         f"no gait in {names}: where feet slip and stick, and where a robot that stands comes to "
         f"rest, is chance, here {chance_rad * 1e3:.1f} mrad within tolerances; a weak motor, a low "
         "gain and a heavy trunk look alike there, so that a robot may be called consistent that is "
-        "not: let it walk",
+        f"not: let it walk{'' if RobotKind.DUTY in model.floors() else READ_LOADS}",
     )
 
 
@@ -139,4 +143,15 @@ def other_volts(more_v: float) -> tuple[str, ...]:
         f"servos show {abs(more_v):.2f} V {'more' if more_v > 0.0 else 'less'} than the better "
         "model's supply has at them, and no name that holds explains it: measure the supply under "
         "load, and put it into the robot file",
+    )
+
+
+def other_duties(off: float) -> tuple[str, ...]:
+    """What is to be said of duties that no law as modelled makes of the recorded angles."""
+    if off == 0.0:
+        return ()
+    return (
+        f"loads of joints that stand are {off:.0f} deviations from what the better model's law "
+        "makes of their recorded angles, and no name that holds explains it: compare the "
+        "controller's registers (gains, punch, margins, limits) with the robot file",
     )

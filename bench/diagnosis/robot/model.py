@@ -53,6 +53,10 @@ VOLTAGE_FLOOR_V = 0.05
 VOLTAGE_SENSE = 0.01
 
 
+#: of a joint's mean duty: steps of its register and what firmware rounds; assumed
+DUTY_FLOOR = 0.003
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Observed:
     """What a search asks of a recording."""
@@ -63,7 +67,8 @@ class Observed:
 
 def rows_of(outcome: Outcome) -> Rows:
     """The rows of a replay by kind."""
-    return by_kind(outcome.angle_rad, outcome.height_m, outcome.voltage_v, outcome.shaken)
+    own = outcome.angle_rad, outcome.height_m, outcome.voltage_v, outcome.shaken
+    return by_kind(*own, outcome.duty)
 
 
 def _rattles(job: Job) -> bool:
@@ -156,8 +161,10 @@ class RobotModel:
         """What each row scatters by itself: turns of the gait, starts, counts of what stands."""
         (outcome,) = self.replays.run([Job(r)])
         spread = self.spread[self.motion[r]]
-        own = outcome.scatter_rad2 + self.features[r].rounding_rad2
-        return spread | {RobotKind.JOINTS: own + spread[RobotKind.JOINTS]}
+        features = self.features[r]
+        own = outcome.scatter_rad2 + features.rounding_rad2
+        duty = features.regulated.extra * len(self.features)  # repeats stand at the same counts
+        return spread | {RobotKind.JOINTS: own + spread[RobotKind.JOINTS], RobotKind.DUTY: duty}
 
     def retrace(
         self, settings: Sequence[tuple[str, float]], z: Floats, holds: float = HOLDS
@@ -233,6 +240,8 @@ class RobotModel:
             floors[RobotKind.HEIGHT] = HEIGHT_FLOOR_M
         if any(len(f.voltage_v) for f in self.features):
             floors[RobotKind.VOLTAGE] = VOLTAGE_FLOOR_V
+        if any(np.isfinite(f.regulated.recorded).any() for f in self.features):
+            floors[RobotKind.DUTY] = DUTY_FLOOR
         return floors
 
     def modelled(self, settings: Sequence[tuple[str, float]], z: Floats, r: int) -> Rows:

@@ -51,6 +51,7 @@ class Outcome:
     height_m: Floats
     voltage_v: Floats
     shaken: Floats
+    duty: Floats
     speed_rad_s: Floats
     turn_rad: Floats
     scatter_rad2: Floats
@@ -64,6 +65,7 @@ def _key(robot: Robot, course: Course) -> str:
     """A hash of all that a replay of a recording depends on, but the job."""
     arrays = [*course.sample_s, *course.wait_s, *course.position_rad]
     arrays += [*(course.height or ()), *(course.voltage or ())]
+    arrays += [part for told in course.duty for part in told]
     goals = [part for goal in course.goals.values() for part in goal]
     told = sorted(course.condition.items(), key=str)
     return digest(code(), robot.document, told, course.start, course.events, *arrays, *goals)
@@ -98,10 +100,11 @@ class _Bench:
             track = play(robot, found.course, jitter, found.span if job.short else None)
         except PhysicsError:
             lost = np.full(len(found.bin), np.nan)
-            others = (found.height_m, found.voltage_v, found.shaken)
-            height, volts, shaken = (np.full(len(x), np.nan) for x in others)
-            return Outcome(lost, height, volts, shaken, lost, lost, lost, lost)
-        means = found.of_track(track)
+            own = (found.height_m, found.voltage_v, found.shaken, found.regulated.recorded)
+            others = [np.full(len(x), np.nan) for x in own]
+            height, volts, shaken, duty = others
+            return Outcome(lost, height, volts, shaken, duty, lost, lost, lost, lost)
+        means = (*found.of_track(track), found.regulated.rows(robot))
         if job.short:
             none = np.empty(0)
             return Outcome(*means, none, none, none, none)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bench.recording import JointTrack, Recording, RecordingError, joint_track
 from bench.recording.rules import READ
-from busemu.tables import Robot
+from busemu.tables import Robot, ServoMount
 from sim.drive import fields
 from sim.drive.parameters import pack
 from sim.model import read_model
@@ -21,7 +21,7 @@ from sim.tree import SEGMENTS, PhysicalRobot
 from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
 from ..commands import drive_commands
-from ..observed import held_at
+from ..observed import LOAD, Channel, held_at
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +58,8 @@ class Course:
     height: tuple[Floats, Floats] | None  #: times [s] and heights [m] of the trunk, if observed
     #: times [s] and voltages [V] that servos had at their terminals, all of them, if any was read
     voltage: tuple[Floats, Floats] | None = None
+    #: times [s] and duties that loads' registers told, joint by joint, in the servo's own sense
+    duty: tuple[tuple[Floats, Floats], ...] = ()
 
     @property
     def end_s(self) -> float:
@@ -120,6 +122,7 @@ def course(recording: Recording, robot: Robot) -> Course:
         goals={joint: (track.goal_t_s - origin, track.goal_rad) for joint, track in tracks.items()},
         height=(watched.t_sample_s - origin, watched.value) if len(watched.value) else None,
         voltage=_voltage(recording, robot, origin),
+        duty=tuple(_duty(recording, robot, mount, origin) for mount in robot.servos),
     )
 
 
@@ -147,6 +150,19 @@ def _voltage(recording: Recording, robot: Robot, origin_s: float) -> tuple[Float
         return None
     order = np.argsort(times, kind="stable")
     return times[order], np.concatenate([series.value for series in found])[order]
+
+
+def _duty(
+    recording: Recording, robot: Robot, mount: ServoMount, origin_s: float
+) -> tuple[Floats, Floats]:
+    """Times [s] and duties of a servo's load register, none where nobody read it."""
+    table = robot.tables[mount.servo_id]
+    for name in Channel.DUTY.registers:
+        if name in table and len(found := recording.si(mount.servo_id, name, READ).value):
+            times = recording.si(mount.servo_id, name, READ).t_sample_s - origin_s
+            sign = float(table.drive.get("load_sign", 1.0)) if name == LOAD else 1.0
+            return times, sign * found
+    return np.empty(0), np.empty(0)
 
 
 def _waits_s(recording: Recording, servo_id: int) -> Floats:

@@ -87,7 +87,7 @@ class Screen:
         held: NDArray[np.bool_] | None = None,
     ) -> None:
         self._model, self._noise = model, noise
-        self._kinds = tuple(kinds)
+        self._kinds = tuple(kind for kind in kinds if kind in noise)
         self._which = list(range(len(model.features)) if which is None else which)
         self.residual = self._whitened([residual[r] for r in self._which])[:, 0]
         free = np.ones(len(model.nuisances), bool) if held is None else ~held

@@ -14,12 +14,13 @@ from ..joint.growing import RELIEF
 from ..joint.rivals import CLOSE
 from .causes import ENGINES_SHARE, number_of
 from .features import RobotKind
-from .fit import RobotFit, voltage_noise
+from .fit import RobotFit, duty_noise, voltage_noise
 from .gains import RobotFindings, RobotGain
 from .improved import knob_of, of_settings
 from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
 from .model import Progress, RobotModel
 from .nuisances import RobotNuisance
+from .regulated import most_off
 from .rest import Rest, rest_of
 from .search import AT_END, RobotSearch
 from .steps import WORSE
@@ -35,7 +36,9 @@ SAMPLES = 1.6
 #: engine had 0.29 and 0.22, two of a PhantomX, whose feet slip and stick, 0.67 and 1.04
 STANDING = 2.0
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
-MOST = 0.5  #: share of that below which a name must bring it for voltages to ask for it; assumed
+DUTIES_OFF = 4.0  #: deviations of duties from which they show another law
+#: share of either below which a name must bring it for registers to ask for it; assumed
+MOST = 0.5
 ENDS = 1  #: so many of 15 tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
@@ -110,7 +113,7 @@ class RobotJudges:
 
     def quiet(self, base: RobotFit) -> bool:
         """Whether no more than noise is left, wherever tolerances have gone for that."""
-        if self.volts_denied(base):
+        if self.volts_denied(base) or self.duties_denied(base):
             return False
         fitted = self.over_noise(base, self.which) < (STANDING if self.stands else FITTED)
         judged = not self.held_out or self.over_noise(base, self.judges) < JUDGED
@@ -143,13 +146,32 @@ class RobotJudges:
         own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
         return float(np.mean(np.concatenate(own))) if own else 0.0
 
-    def restores_volts(self, without: RobotFit, now: RobotFit) -> bool:
-        """Whether voltages ask for a name: they deny the model, and less than half so with it.
+    def duties_denied(self, found: RobotFit) -> float:
+        """How far duties are off, in deviations, where that is too much; else 0."""
+        off = self.duties_off(found)
+        return off if off > DUTIES_OFF else 0.0
 
-        What is left of it then is told. Positions of two engines may want another size.
+    def duties_off(self, found: RobotFit) -> float:
+        """How far duties that loads show are off from what laws make of recorded angles.
+
+        In deviations, of the joint, kind of joint or leg (or all) where it is most.
         """
-        denied = self.volts_denied(without)
-        return bool(denied) and abs(self.volts_denied(now)) < MOST * abs(denied)
+        self.model.recentre(found.settings, found.nuisances, self.judges)
+        blocks = self.model.residuals(found.names, found.z, self.judges)
+        own = {r: b for (r, kind), b in blocks.items() if kind is RobotKind.DUTY and len(b.value)}
+        return most_off(self.model, own, duty_noise(len(own))) if own else 0.0
+
+    def restores(self, without: RobotFit, now: RobotFit) -> bool:
+        """Whether a register asks for a name: it denies the model, and less than half so with it.
+
+        Voltages do, or duties. What is left of it then is told. Positions of two engines may want
+        another size.
+        """
+        return any(
+            before != 0.0 and abs(off(now)) < MOST * abs(before)
+            for off in (self.volts_denied, self.duties_denied)
+            if (before := off(without))
+        )
 
     def explainable(self, base: RobotFit, now: RobotFit) -> float:
         """How much of the misfit where it is judged can be explained [rad^2]; 0 or less: nothing.
@@ -164,13 +186,14 @@ class RobotJudges:
         """Share of the misfit where it is judged that a name takes away, -1 to 1.
 
         ``explainable`` [rad^2] is of positions, as :meth:`explainable` has it. Where tolerances
-        leave none of that, or take it about as well, a name shows in voltages, if anywhere.
+        leave none of that, or take it about as well, a name shows in registers, if anywhere.
         """
         off = self.square(without, self.judges) - self.square(now, self.judges)
-        shows = abs(off) >= LITTLE * explainable or not self.restores_volts(without, now)
-        if explainable > 0.0 and shows:
+        seen = abs(off) >= LITTLE * explainable or not self.restores(without, now)
+        if explainable > 0.0 and seen:
             return float(np.clip(off / explainable, -1.0, 1.0))
-        left, more = (self.volts_more(fit) ** 2 for fit in (now, without))
+        shows = self.duties_off if self.duties_denied(without) else self.volts_more
+        left, more = (shows(fit) ** 2 for fit in (now, without))
         return float(np.clip(1.0 - left / more, -1.0, 1.0)) if more else 0.0
 
     def undenied(self, found: RobotFindings) -> RobotFindings:
@@ -185,7 +208,7 @@ class RobotJudges:
             if k is None:
                 continue
             close = [g for g in tried[k] if g is not gain and gain.ahead_of(g) < CLOSE]
-            denied = {g.name for g in close if self.restores_volts(g.fit, gain.fit)}
+            denied = {g.name for g in close if self.restores(g.fit, gain.fit)}
             tried[k] = tuple(g for g in tried[k] if g.name not in denied)
             alike[gain.name] = tuple(p for p in alike.get(gain.name, ()) if p[0] not in denied)
         return replace(found, tried=tuple(tried), alike=alike)
@@ -311,7 +334,7 @@ class RobotJudges:
         may be what they stand in for.
         """
         frees = bool(self.strained(without)) and not self.strained(now)
-        frees |= self.restores_volts(without, now)
+        frees |= self.restores(without, now)
         if frees and len(now.names) > 1:
             frees = self.outside(now) < self.outside(without)
         allowed = self.samples(without).steady * (1.0 + SPOILT if frees else 1.0)

@@ -105,7 +105,9 @@ def test_a_diagnosis_says_where_a_robot_does_not_walk():
     assert without_gait(SimpleNamespace(features=[walk])) == ()
     chance = {0: 1.0, 1: 0.003}
     model = SimpleNamespace(
-        features=[walk, replace(walk, phase=None)], chance=lambda r: np.full(4, chance[r] ** 2)
+        features=[walk, replace(walk, phase=None)],
+        chance=lambda r: np.full(4, chance[r] ** 2),
+        floors=dict,
     )
     (told,) = without_gait(model)
     assert told.startswith("no gait in walk-1: ")

@@ -21,6 +21,7 @@ from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
 from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
+    DUTIES_OFF,
     FAR,
     FITTED,
     JUDGED,
@@ -191,6 +192,15 @@ def test_a_robot_is_not_as_believed_where_its_servos_show_another_voltage(share,
     assert judges(left).volts_denied(BASE) == 0.0
 
 
+@pytest.mark.parametrize("off", [0.9 * DUTIES_OFF, 1.1 * DUTIES_OFF])
+def test_a_robot_is_not_as_believed_where_loads_show_another_law(monkeypatch, off):
+    found = judges({0: rms(0.9 * FITTED), 1: rms(0.9 * FITTED), 2: rms(0.9 * JUDGED)})
+    assert found.duties_off(BASE) == 0.0  # nobody read one
+    monkeypatch.setattr(RobotJudges, "duties_off", lambda self, fit: off)
+    assert found.consistent(BASE) is (off < DUTIES_OFF)
+    assert found.duties_denied(BASE) == (off if off > DUTIES_OFF else 0.0)
+
+
 def test_what_servos_show_and_nobody_explains_is_told():
     assert other_volts(0.0) == ()
     assert "servos show 1.30 V less than" in other_volts(-1.3)[0]
@@ -287,6 +297,7 @@ class Given(RobotJudges):
     floor_square = 1.0
     stand_in: ClassVar = frozenset()
     denied: ClassVar = {}
+    low: ClassVar = {}
     costs: ClassVar = {}
     calm: ClassVar = False
     usual: ClassVar = frozenset()
@@ -306,6 +317,9 @@ class Given(RobotJudges):
     def volts_denied(self, found):
         return self.denied.get(found.names, 0.0)
 
+    def duties_denied(self, found):
+        return self.low.get(found.names, 0.0)
+
     def resized(self, now, name):
         return now
 
@@ -320,14 +334,16 @@ class Given(RobotJudges):
         return SimpleNamespace(names=left)
 
 
-def kept(phases, seen=None, whole=None, stand_in=(), costs=None, denied=None, because=NO_BETTER):
+def kept(
+    phases, seen=None, whole=None, stand_in=(), costs=None, denied=None, low=None, because=NO_BETTER
+):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
     own = Given(search, None, FITS, JUDGES, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
-    Given.costs, Given.denied = costs or {}, denied or {}
+    Given.costs, Given.denied, Given.low = costs or {}, denied or {}, low or {}
     gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
@@ -417,6 +433,8 @@ def test_a_name_that_voltages_ask_for_need_not_be_better_where_tolerances_forete
     slightly = {(): 1.0, ("a",): 1.0 + 0.9 * RELIEF}
     assert kept(slightly, denied={(): -0.7}) == ("a",)
     assert kept(slightly) == ()
+    assert kept(slightly, low={(): 9.0}) == ("a",)
+    assert kept(slightly, low={(): 9.0, ("a",): 4.6}) == ()
     for left, names in ((-0.7, ()), (-0.36, ()), (-0.34, ("a",)), (0.34, ("a",)), (0.36, ())):
         assert kept(slightly, denied={(): -0.7, ("a",): left}) == names
     squares = {(): 9.0, ("a",): 2.0, ("b",): 9.0, ("a", "b"): 2.1}
@@ -521,6 +539,7 @@ def gain_of(name, nats):
     return RobotGain(name, fit, nats, 1.0, None)
 
 
+@pytest.mark.parametrize("by_volts", [True, False])
 @pytest.mark.parametrize(
     ("denied", "kept"),
     [
@@ -533,7 +552,7 @@ def gain_of(name, nats):
     ],
 )
 def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
-    monkeypatch, denied, kept
+    monkeypatch, denied, kept, by_volts
 ):
     nats = {"supply": 60.0, "gain": 55.0, "limit": 50.0, "far": 60.0 - APART_NATS - 2.0 * CLOSE}
     step = tuple(gain_of(*pair) for pair in nats.items())
@@ -547,7 +566,9 @@ def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
         asked.append(name)
         return denied.get(name, 0.0)
 
-    monkeypatch.setattr(RobotJudges, "volts_denied", volts_denied)
+    by, other = ("volts_denied", "duties_denied")[:: 1 if by_volts else -1]
+    monkeypatch.setattr(RobotJudges, by, volts_denied)
+    monkeypatch.setattr(RobotJudges, other, lambda self, fit: 0.0)
     left = judges({}).undenied(found)
     assert [gain.name for gain in left.tried[0]] == ["supply", *kept]
     assert [name for name, _ in left.alike["supply"]] == [n for n in kept if n != "far"]
@@ -582,7 +603,19 @@ def test_what_a_name_explains_is_of_positions_or_else_of_voltages(
 
     monkeypatch.setattr(RobotJudges, "square", of(squares))
     monkeypatch.setattr(RobotJudges, "volts_more", of(volts))
+    monkeypatch.setattr(RobotJudges, "duties_denied", of((0.0, 0.0)))
     assert made.explained(BASE, with_it, explainable) == pytest.approx(share)
+
+
+def test_where_duties_deny_the_model_a_name_explains_what_of_them_it_takes_away(monkeypatch):
+    with_it = taken_as(1.0, 0.0, 0.0, 0.0)
+    off = {True: 3.0, False: 9.0}
+    monkeypatch.setattr(RobotJudges, "square", lambda self, found, *_: 2e-6)
+    monkeypatch.setattr(RobotJudges, "volts_more", lambda self, found: 0.0)
+    monkeypatch.setattr(RobotJudges, "duties_off", lambda self, found: off[found is with_it])
+    assert judges({}).explained(BASE, with_it, -1e-7) == pytest.approx(8.0 / 9.0)
+    off[False] = 0.9 * DUTIES_OFF  # which is no denial
+    assert judges({}).explained(BASE, with_it, -1e-7) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,271 @@
+"""Loads of a robot that stands: they tell a low gain from all that makes a joint give way."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import cycle
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bench.diagnosis.noise import Block, Noise
+from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.features import Features, RobotKind
+from bench.diagnosis.robot.fit import Sight, duty_noise
+from bench.diagnosis.robot.limits import other_duties, without_gait
+from bench.diagnosis.robot.model import DUTY_FLOOR, RobotModel
+from bench.diagnosis.robot.regulated import LEAST_READS, LEVELS, Regulated, most_off
+from bench.diagnosis.robot.replay import course
+from bench.running import in_process
+from busemu.tables import load_robot
+from busemu.tables.robots import parse_robot
+from busemu.timing import load_profile
+from hal.robot_control import RobotControl
+from sim.drive import fields
+from sim.model import read_model
+from sim.world import BulletPlant
+
+SECONDS = 8.0
+LESS = 0.8  #: of the gain
+PUNCH = 32 / 1023  #: of an XL-320, as it leaves the works
+FEMURS = tuple(f"leg{k}.femur" for k in range(1, 7))
+#: one after another: legs that lift the trunk, and legs in the air
+POSTURES = (
+    {"coxa": 0.0, "femur": -0.9, "tibia": -0.6},
+    {"coxa": 0.0, "femur": 0.4, "tibia": -0.6},
+)
+
+
+def robot_with(name, effect="", **values):
+    robot = load_robot(name)
+    if not effect:
+        return robot
+    parameters = {key: {"value": value, "source": "assumed"} for key, value in values.items()}
+    told = [{"name": effect, "where": list(FEMURS), "parameters": parameters}]
+    return parse_robot({**robot.document, "effect": told}, robot.path)
+
+
+@cache
+def stood(name, effect="", **values):
+    """A robot that rises, lies down, and whose program reads loads by turns."""
+    robot = robot_with(name, effect, **values)
+    plant = BulletPlant(robot)
+    session = in_process(robot, plant, load_profile(robot.timing))
+    control = RobotControl(robot, session.client)
+    first = np.nan_to_num(control.read_positions())
+    goals = [np.array([p[j.partition(".")[2]] for j in control.joints]) for p in POSTURES]
+    ends = [first, *goals]
+    control.set_goals(first)
+    control.torque_on()
+    ids = cycle(robot.by_id)
+    while session.clock.now_s() < SECONDS:
+        k, part = divmod(session.clock.now_s(), SECONDS / len(goals))
+        begin, end = ends[int(k)], ends[int(k) + 1]
+        control.set_goals(begin + min(1.0, part) * (end - begin))
+        control.read_positions()
+        for _ in range(3):
+            session.client.read(next(ids), "present_load")
+    plant.close()
+    return session.recording("stand", "stand", **{"effect": effect or "none"})
+
+
+def seen(name="marvin", effect="", **values):
+    robot = load_robot(name)
+    return course(stood(name, effect, **values), robot)
+
+
+def laws(told, name="marvin"):
+    robot = load_robot(name)
+    return Regulated.of(told, robot, read_model(robot))
+
+
+def changed(effect, value, name="marvin"):
+    robot = read_model(load_robot(name))
+    return placed_effects(robot)[effect].apply(robot, value)
+
+
+@pytest.mark.parametrize("name", ["marvin", "phantomx"])
+def test_laws_make_of_recorded_angles_what_the_servos_loads_showed(name):
+    told = laws(seen(name), name)
+    known = np.isfinite(told.recorded)
+    assert known.sum() >= 9
+    modelled = told.rows(read_model(load_robot(name)))
+    off = (told.recorded - modelled)[known] / np.sqrt(told.extra + DUTY_FLOOR**2)[known]
+    assert np.abs(off).max() < 4.0
+    assert np.sqrt(np.mean(off**2)) < 1.5
+    assert told.recorded[known].min() > 0.0
+
+
+def test_a_gain_shows_in_loads_as_large_as_it_is():
+    told = laws(seen("marvin", "gain_error", scale=LESS))
+    low_ones = [j for j, m in enumerate(load_robot("marvin").servos) if m.joint in FEMURS]
+    femurs = [LEVELS * j for j in low_ones if np.isfinite(told.recorded[LEVELS * j])]
+    assert len(femurs) >= 4
+    plain, low = (
+        told.rows(robot)
+        for robot in (read_model(load_robot("marvin")), changed("gain_error@femur", LESS))
+    )
+    sigma = np.sqrt(np.mean(told.extra[femurs]) / len(femurs) + DUTY_FLOOR**2)
+    assert np.mean((told.recorded - low)[femurs]) == pytest.approx(0.0, abs=3.0 * sigma)
+    assert np.mean((told.recorded - plain)[femurs]) < -5.0 * sigma
+    others = ~np.isin(np.arange(LEVELS * 18) // LEVELS, low_ones)
+    assert (plain[others] == low[others]).all()
+
+
+def test_no_engine_and_no_motor_plays_a_part_in_it():
+    told = laws(seen())
+    plain = told.rows(read_model(load_robot("marvin")))
+    for effect, value in (
+        ("supply_voltage@all", 0.7),
+        ("torque_constant@all", 0.8),
+        ("payload@all", 0.3),
+        ("coulomb_friction@all", 0.1),
+    ):
+        assert (told.rows(changed(effect, value)) == plain).all()
+    assert not (told.rows(changed("dead_zone@all", 0.01)) == plain).all()
+
+
+def test_a_joint_that_moves_tells_nothing_nor_one_that_was_read_too_seldom():
+    told = seen()
+    full = laws(told).recorded
+    row = int(np.flatnonzero(np.isfinite(full))[0])
+    joint = row // LEVELS
+
+    def kept(choice):
+        duty = list(told.duty)
+        duty[joint] = tuple(part[choice(told.duty[joint][0])] for part in duty[joint])
+        return laws(replace(told, duty=tuple(duty))).recorded
+
+    assert np.isnan(kept(lambda t: t < 1.0)[joint])  # it rises
+    few = np.flatnonzero(told.duty[joint][0] > 2.0)
+    assert np.isnan(kept(lambda t: few[: LEAST_READS - 1])[row])
+    assert np.isfinite(kept(lambda t: few[:LEAST_READS])[row])
+    moving = list(told.position_rad)
+    moving[joint] = moving[joint] + 0.1 * np.sin(12.0 * told.sample_s[joint])
+    assert np.isnan(laws(replace(told, position_rad=tuple(moving))).recorded[row])
+
+
+def test_without_loads_and_without_positions_there_are_no_such_rows():
+    told = seen()
+    none = laws(replace(told, duty=()))
+    assert np.isnan(none.recorded).all()
+    assert (none.rows(read_model(load_robot("marvin"))) > 0.0).any()  # for repeats that have them
+    lost = replace(
+        told,
+        sample_s=(np.empty(0), *told.sample_s[1:]),
+        position_rad=(np.empty(0), *told.position_rad[1:]),
+    )
+    found = laws(lost)
+    assert np.isnan(found.recorded[0])
+    assert (found.rows(read_model(load_robot("marvin")))[:LEVELS] == 0.0).all()
+
+
+def test_small_and_large_duties_are_rows_of_their_own():
+    """A joint that is held out by steps: what is added to its duty is told from its gain."""
+    told, robot = seen(), read_model(load_robot("marvin"))
+    j = 4
+    times, goal_s = told.sample_s[j], 0.5 * SECONDS
+    goal = float(told.goals["leg2.femur"][1][-1])
+    mount = load_robot("marvin").servos[j]
+    assert mount.joint == "leg2.femur"
+    own = told.events[:, 1] == j
+    events = told.events[~own]
+    start = told.start.copy()
+    start[fields.GOAL_POSITION, j], start[fields.ENABLED, j] = mount.to_servo(goal), 1.0
+    angles = list(told.position_rad)
+    angles[j] = goal - np.where(times < goal_s, 0.04, 0.12)
+    reads = np.arange(0.02, SECONDS - 0.2, 0.1)
+    duty = list(told.duty)
+    duty[j] = reads, np.where(reads < goal_s, 0.3, 0.7) * mount.direction
+    sampled = replace(
+        told, events=events, start=start, position_rad=tuple(angles), duty=tuple(duty)
+    )
+    found = laws(sampled)
+    rows = [LEVELS * j, LEVELS * j + 1]
+    assert found.recorded[rows] == pytest.approx([0.3, 0.7])
+    small, large = found.rows(robot)[rows]
+    assert large > 2.0 * small > 0.0
+    low = found.rows(changed("gain_error@femur", LESS))[rows]
+    assert (np.array([small, large]) - low) == pytest.approx(
+        (1.0 - LESS) * (np.array([small, large]) - PUNCH), abs=1e-3
+    )
+
+
+@pytest.fixture(scope="module")
+def model():
+    robot = load_robot("marvin")
+    courses = [seen(), seen("marvin", "gain_error", scale=LESS)]
+    with RobotModel(read_model(robot), robot, courses, processes=1) as made:
+        yield made
+
+
+def test_loads_tell_a_gain_from_a_supply_and_whose_gain_it_is(model):
+    both = RobotKind.JOINTS, RobotKind.DUTY
+
+    def cost(name, kinds):
+        return Sight(model, [1], kinds).fit((name,)).cost
+
+    names = "gain_error@femur", "supply_voltage@all", "gain_error@tibia"
+    joints = [cost(name, (RobotKind.JOINTS,)) for name in names]
+    with_loads = [cost(name, both) for name in names]
+    assert with_loads[0] < min(with_loads[1:]) - 5.0
+    assert with_loads[1] - with_loads[0] > joints[1] - joints[0] + 10.0
+    found = Sight(model, [1], both).fit(("gain_error@femur",))
+    size = model.placed["gain_error@femur"].knob.value(found.knobs[0])
+    assert size == pytest.approx(LESS, abs=0.04)
+    assert found.once == pytest.approx(
+        Sight(model, [1], (RobotKind.DUTY,)).cost(
+            Sight(model, [1], (RobotKind.DUTY,)).blocks(found.names, found.z), found.noise
+        )
+    )
+
+
+def test_all_recordings_together_tell_a_duty_once(model):
+    sight = Sight(model, [0, 1], [RobotKind.DUTY])
+    blocks = sight.blocks((), np.zeros(len(model.nuisances)))
+    assert sight.noise(blocks)[RobotKind.DUTY] == duty_noise(2)
+    assert duty_noise(4).white == pytest.approx(2.0 * DUTY_FLOOR)
+    known = np.isfinite(model.recorded(0, RobotKind.DUTY))
+    own = Features.of(seen(), load_robot("marvin")).regulated.extra
+    assert blocks[0, RobotKind.DUTY].extra == pytest.approx(2.0 * own[known])
+
+
+def told_of(recorded):
+    joints = [SimpleNamespace(name=name) for name in ("leg1.femur", "leg1.tibia", "leg2.femur")]
+    rows = np.array([recorded, [np.nan] * len(recorded)]).T.ravel()
+    features = [SimpleNamespace(regulated=SimpleNamespace(recorded=rows))]
+    return SimpleNamespace(base=SimpleNamespace(joints=joints), features=features)
+
+
+@pytest.mark.parametrize(
+    ("value", "off"),
+    [
+        ([0.03, 0.0, 0.0], 3.0),  # the joint alone
+        ([0.03, 0.0, 0.03], 3.0 * np.sqrt(2.0)),  # the femurs
+        ([0.03, 0.03, 0.0], 3.0 * np.sqrt(2.0)),  # the leg
+        ([0.03, 0.03, 0.03], 3.0 * np.sqrt(3.0)),  # all of them
+        ([0.03, -0.03, 0.0], 3.0),
+        ([0.0, 0.0, 0.0], 0.0),
+    ],
+)
+def test_duties_are_off_where_they_are_so_together(value, off):
+    block = Block(np.arange(3.0), np.array(value), np.full(3, 0.008**2))
+    noise = Noise(0.006, 0.0, 1.0)
+    assert most_off(told_of([1.0, 1.0, 1.0]), {0: block}, noise) == pytest.approx(off)
+
+
+def test_rows_are_those_of_joints_whose_loads_were_read():
+    block = Block(np.arange(2.0), np.array([0.03, 0.03]), np.full(2, 0.008**2))
+    found = most_off(told_of([1.0, np.nan, 1.0]), {0: block}, Noise(0.006, 0.0, 1.0))
+    assert found == pytest.approx(3.0 * np.sqrt(2.0))
+
+
+def test_the_answer_says_how_far_duties_are_off_and_what_shows_a_gain():
+    assert other_duties(0.0) == ()
+    assert "are 7 deviations from" in other_duties(7.2)[0]
+    features = SimpleNamespace(phase=None, course=SimpleNamespace(name="stand-1"))
+    for floors, asked in (({}, True), ({RobotKind.DUTY: DUTY_FLOOR}, False)):
+        model = SimpleNamespace(
+            features=[features], chance=lambda r: np.ones(3), floors=lambda f=floors: f
+        )
+        assert ("present_load of one servo" in without_gait(model)[0]) is asked
