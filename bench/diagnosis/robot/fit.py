@@ -18,13 +18,13 @@ from ..joint.fit import bounded_step
 from ..noise import Noise, cost, estimate, huber_weight, whiten
 from .features import RobotKind
 from .model import (
-    DUTY_FLOOR,
     LEAST_NOISE_RAD,
     VOLTAGE_FLOOR_V,
     VOLTAGE_SENSE,
     RobotBlocks,
     RobotModel,
 )
+from .regulated import DUTY_FLOOR
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +35,8 @@ SHORTER = (1.0, 0.5, 0.2, 0.05)  #: shares of a step that are tried
 KINDS_S = 1e5  #: between times of one kind of channel and of another, as far as those of joints
 LASTING_S = 1e4  #: memory of what is the same in all of a recording
 HELD = 1e9  #: what a prior knows of a number that is held
-ONCE = (RobotKind.VOLTAGE, RobotKind.DUTY)  #: what all recordings together tell once
+#: channels of registers: what all recordings tell once, or what no model of joints does wrong
+REGISTERS = (RobotKind.VOLTAGE, RobotKind.DUTY)
 ENOUGH = 0.3  #: gain [nats] at which a fit is done
 
 
@@ -47,7 +48,7 @@ class RobotFit:
     z: Floats
     noise: Mapping[RobotKind, Noise]
     cost: float  #: negative log-likelihood with the priors [nats]
-    once: float = 0.0  #: that of what all recordings tell once in it: voltages and duties [nats]
+    once: float = 0.0  #: that of registers in it, whose gains are not divided [nats]
 
     @property
     def knobs(self) -> Floats:
@@ -70,11 +71,6 @@ def voltage_noise(model: RobotModel, recordings: int) -> Noise:
     once = math.sqrt(recordings)
     level = VOLTAGE_SENSE * model.base.supply.voltage_v
     return Noise(VOLTAGE_FLOOR_V * once, level * once, LASTING_S)
-
-
-def duty_noise(recordings: int) -> Noise:
-    """Of a joint's mean duty that so many recordings show: all of them together tell it once."""
-    return Noise(DUTY_FLOOR * math.sqrt(recordings), 0.0, LASTING_S)
 
 
 class Sight:
@@ -116,7 +112,7 @@ class Sight:
             elif kind is RobotKind.VOLTAGE:
                 found[kind] = voltage_noise(self.model, len(own))
             elif kind is RobotKind.DUTY:
-                found[kind] = duty_noise(len(own))
+                found[kind] = Noise(DUTY_FLOOR, 0.0, LASTING_S)
             else:
                 found[kind] = estimate(own, floors[kind], start.get(kind) if start else None)
         return found
@@ -162,7 +158,7 @@ class Sight:
         noise: Mapping[RobotKind, Noise],
     ) -> RobotFit:
         total = self.cost(blocks, noise) + self._prior(z, names)
-        once = {key: block for key, block in blocks.items() if key[1] in ONCE}
+        once = {key: block for key, block in blocks.items() if key[1] in REGISTERS}
         return RobotFit(tuple(names), z, noise, total, self.cost(once, noise))
 
     def box(self, names: Sequence[str]) -> tuple[Floats, Floats]:

@@ -40,8 +40,8 @@ class RobotGain:
     def counting(self, now: RobotFit) -> float:
         """The gain that counts over ``now`` [nats], of which voltages and duties are not deflated.
 
-        What a model of joints does wrong over and over makes their gains too large. Registers tell
-        theirs once, however many recordings show them.
+        What a model of joints does wrong over and over makes their gains too large. Voltages tell
+        theirs once, however many recordings show them, and no such model plays a part in duties.
         """
         once = now.once - self.fit.once
         return (self.nats - once) / self.inflation + once

@@ -27,6 +27,7 @@ from .effects import Placed, placed_effects
 from .features import APART_S, Features, RobotKind, by_kind, first_of, shown_by
 from .nuisances import RobotNuisance, nuisances, replayable, trials
 from .pool import Job, Outcome, Replays
+from .regulated import DUTY_FLOOR
 from .replay import Course
 from .shaking import ENGINES_SHAKING
 from .spread import of_starts, of_tolerances
@@ -51,10 +52,6 @@ HEIGHT_FLOOR_M = 2e-4  #: of an observer's height; assumed of motion capture
 VOLTAGE_FLOOR_V = 0.05
 #: of the level that all of them show, as a share of the supply's: dividers of 1 %; assumed
 VOLTAGE_SENSE = 0.01
-
-
-#: of a joint's mean duty: steps of its register and what firmware rounds; assumed
-DUTY_FLOOR = 0.003
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,7 +160,7 @@ class RobotModel:
         spread = self.spread[self.motion[r]]
         features = self.features[r]
         own = outcome.scatter_rad2 + features.rounding_rad2
-        duty = features.regulated.extra * len(self.features)  # repeats stand at the same counts
+        duty = features.regulated.extra
         return spread | {RobotKind.JOINTS: own + spread[RobotKind.JOINTS], RobotKind.DUTY: duty}
 
     def retrace(

@@ -14,7 +14,7 @@ from ..joint.growing import RELIEF
 from ..joint.rivals import CLOSE
 from .causes import ENGINES_SHARE, number_of
 from .features import RobotKind
-from .fit import RobotFit, duty_noise, voltage_noise
+from .fit import RobotFit, voltage_noise
 from .gains import RobotFindings, RobotGain
 from .improved import knob_of, of_settings
 from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
@@ -159,7 +159,7 @@ class RobotJudges:
         self.model.recentre(found.settings, found.nuisances, self.judges)
         blocks = self.model.residuals(found.names, found.z, self.judges)
         own = {r: b for (r, kind), b in blocks.items() if kind is RobotKind.DUTY and len(b.value)}
-        return most_off(self.model, own, duty_noise(len(own))) if own else 0.0
+        return most_off(self.model, own) if own else 0.0
 
     def restores(self, without: RobotFit, now: RobotFit) -> bool:
         """Whether a register asks for a name: it denies the model, and less than half so with it.

@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.diagnosis.noise import Block, Noise
+from bench.diagnosis.noise import Block
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import Features, RobotKind
-from bench.diagnosis.robot.fit import Sight, duty_noise
+from bench.diagnosis.robot.fit import Sight
 from bench.diagnosis.robot.limits import other_duties, without_gait
-from bench.diagnosis.robot.model import DUTY_FLOOR, RobotModel
-from bench.diagnosis.robot.regulated import LEAST_READS, LEVELS, Regulated, most_off
+from bench.diagnosis.robot.model import RobotModel
+from bench.diagnosis.robot.regulated import DUTY_FLOOR, LEAST_READS, LEVELS, Regulated, most_off
 from bench.diagnosis.robot.replay import course
 from bench.running import in_process
 from busemu.tables import load_robot
@@ -27,7 +27,8 @@ from sim.world import BulletPlant
 
 SECONDS = 8.0
 LESS = 0.8  #: of the gain
-PUNCH = 32 / 1023  #: of an XL-320, as it leaves the works
+#: of an XL-320, as it leaves the works [duty, duty/rad]
+PUNCH, GAIN = 32 / 1023, 32 * 0.158
 FEMURS = tuple(f"leg{k}.femur" for k in range(1, 7))
 #: one after another: legs that lift the trunk, and legs in the air
 POSTURES = (
@@ -173,7 +174,8 @@ def test_small_and_large_duties_are_rows_of_their_own():
     start = told.start.copy()
     start[fields.GOAL_POSITION, j], start[fields.ENABLED, j] = mount.to_servo(goal), 1.0
     angles = list(told.position_rad)
-    angles[j] = goal - np.where(times < goal_s, 0.04, 0.12)
+    count = told.quantum_rad
+    angles[j] = goal - np.where(times < goal_s, 0.04, np.where(times < 6.0, 0.12, 0.12 + count))
     reads = np.arange(0.02, SECONDS - 0.2, 0.1)
     duty = list(told.duty)
     duty[j] = reads, np.where(reads < goal_s, 0.3, 0.7) * mount.direction
@@ -183,6 +185,12 @@ def test_small_and_large_duties_are_rows_of_their_own():
     found = laws(sampled)
     rows = [LEVELS * j, LEVELS * j + 1]
     assert found.recorded[rows] == pytest.approx([0.3, 0.7])
+    one, two = found.extra[rows]  # as many numbers as counts were shown, one after another
+    assert one == pytest.approx((GAIN * count) ** 2 / 12.0, rel=0.1)
+    assert two == pytest.approx(one / 2.0, rel=0.02)
+    early = list(duty)
+    early[j] = np.array([0.02, 0.06, 0.1, 0.14]), np.full(4, 0.3)  # nobody knows for how long
+    assert np.isnan(laws(replace(sampled, duty=tuple(early))).recorded[rows]).all()
     small, large = found.rows(robot)[rows]
     assert large > 2.0 * small > 0.0
     low = found.rows(changed("gain_error@femur", LESS))[rows]
@@ -220,14 +228,14 @@ def test_loads_tell_a_gain_from_a_supply_and_whose_gain_it_is(model):
     )
 
 
-def test_all_recordings_together_tell_a_duty_once(model):
+def test_the_noise_of_duties_is_that_of_rounding(model):
     sight = Sight(model, [0, 1], [RobotKind.DUTY])
     blocks = sight.blocks((), np.zeros(len(model.nuisances)))
-    assert sight.noise(blocks)[RobotKind.DUTY] == duty_noise(2)
-    assert duty_noise(4).white == pytest.approx(2.0 * DUTY_FLOOR)
+    assert sight.noise(blocks)[RobotKind.DUTY].total == DUTY_FLOOR
     known = np.isfinite(model.recorded(0, RobotKind.DUTY))
     own = Features.of(seen(), load_robot("marvin")).regulated.extra
-    assert blocks[0, RobotKind.DUTY].extra == pytest.approx(2.0 * own[known])
+    assert blocks[0, RobotKind.DUTY].extra == pytest.approx(own[known])
+    assert (own[known] > 0.0).all()
 
 
 def told_of(recorded):
@@ -249,14 +257,13 @@ def told_of(recorded):
     ],
 )
 def test_duties_are_off_where_they_are_so_together(value, off):
-    block = Block(np.arange(3.0), np.array(value), np.full(3, 0.008**2))
-    noise = Noise(0.006, 0.0, 1.0)
-    assert most_off(told_of([1.0, 1.0, 1.0]), {0: block}, noise) == pytest.approx(off)
+    block = Block(np.arange(3.0), np.array(value), np.full(3, 0.01**2 - DUTY_FLOOR**2))
+    assert most_off(told_of([1.0, 1.0, 1.0]), {0: block}) == pytest.approx(off)
 
 
 def test_rows_are_those_of_joints_whose_loads_were_read():
-    block = Block(np.arange(2.0), np.array([0.03, 0.03]), np.full(2, 0.008**2))
-    found = most_off(told_of([1.0, np.nan, 1.0]), {0: block}, Noise(0.006, 0.0, 1.0))
+    block = Block(np.arange(2.0), np.array([0.03, 0.03]), np.full(2, 0.01**2 - DUTY_FLOOR**2))
+    found = most_off(told_of([1.0, np.nan, 1.0]), {0: block})
     assert found == pytest.approx(3.0 * np.sqrt(2.0))
 
 
