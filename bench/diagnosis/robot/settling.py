@@ -154,10 +154,12 @@ class RobotJudges:
     def duties_off(self, found: RobotFit) -> float:
         """How far duties that loads show are off from what laws make of recorded angles.
 
-        In deviations, of the joint, kind of joint or leg (or all) where it is most.
+        In deviations, of the joint, kind of joint or leg (or all) where it is most. All recordings
+        tell it, as hardly a tolerance does anything about it where it is fitted.
         """
-        self.model.recentre(found.settings, found.nuisances, self.judges)
-        blocks = self.model.residuals(found.names, found.z, self.judges)
+        every = sorted({*self.which, *self.judges})
+        self.model.recentre(found.settings, found.nuisances, every)
+        blocks = self.model.residuals(found.names, found.z, every)
         own = {r: b for (r, kind), b in blocks.items() if kind is RobotKind.DUTY and len(b.value)}
         return most_off(self.model, own) if own else 0.0
 

@@ -15,7 +15,7 @@ from bench.diagnosis.robot.fit import Sight
 from bench.diagnosis.robot.limits import other_duties, without_gait
 from bench.diagnosis.robot.model import RobotModel
 from bench.diagnosis.robot.regulated import DUTY_FLOOR, LEAST_READS, LEVELS, Regulated, most_off
-from bench.diagnosis.robot.replay import course
+from bench.diagnosis.robot.replay import _duty, course
 from bench.running import in_process
 from busemu.tables import load_robot
 from busemu.tables.robots import parse_robot
@@ -32,7 +32,7 @@ PUNCH, GAIN = 32 / 1023, 32 * 0.158
 FEMURS = tuple(f"leg{k}.femur" for k in range(1, 7))
 #: one after another: legs that lift the trunk, and legs in the air
 POSTURES = (
-    {"coxa": 0.0, "femur": -0.9, "tibia": -0.6},
+    {"coxa": 0.0, "femur": -0.8, "tibia": -0.6},
     {"coxa": 0.0, "femur": 0.4, "tibia": -0.6},
 )
 
@@ -47,8 +47,11 @@ def robot_with(name, effect="", **values):
 
 
 @cache
-def stood(name, effect="", **values):
-    """A robot that rises, lies down, and whose program reads loads by turns."""
+def stood(name, effect="", sway_rad=0.0, **values):
+    """A robot that rises, lies down, and whose program reads loads by turns.
+
+    All its joints sway about that.
+    """
     robot = robot_with(name, effect, **values)
     plant = BulletPlant(robot)
     session = in_process(robot, plant, load_profile(robot.timing))
@@ -62,7 +65,8 @@ def stood(name, effect="", **values):
     while session.clock.now_s() < SECONDS:
         k, part = divmod(session.clock.now_s(), SECONDS / len(goals))
         begin, end = ends[int(k)], ends[int(k) + 1]
-        control.set_goals(begin + min(1.0, part) * (end - begin))
+        sway = sway_rad * np.sin(1.5 * session.clock.now_s())
+        control.set_goals(begin + min(1.0, part) * (end - begin) + sway)
         control.read_positions()
         for _ in range(3):
             session.client.read(next(ids), "present_load")
@@ -85,9 +89,10 @@ def changed(effect, value, name="marvin"):
     return placed_effects(robot)[effect].apply(robot, value)
 
 
+@pytest.mark.parametrize("sway_rad", [0.0, 0.15])
 @pytest.mark.parametrize("name", ["marvin", "phantomx"])
-def test_laws_make_of_recorded_angles_what_the_servos_loads_showed(name):
-    told = laws(seen(name), name)
+def test_laws_make_of_recorded_angles_what_the_servos_loads_showed(name, sway_rad):
+    told = laws(seen(name, sway_rad=sway_rad), name)
     known = np.isfinite(told.recorded)
     assert known.sum() >= 9
     modelled = told.rows(read_model(load_robot(name)))
@@ -161,42 +166,95 @@ def test_without_loads_and_without_positions_there_are_no_such_rows():
     assert (found.rows(read_model(load_robot("marvin")))[:LEVELS] == 0.0).all()
 
 
+J = 4  #: leg2.femur
+ROWS = [LEVELS * J, LEVELS * J + 1]
+
+
+def held(goals, angle_rad, sample_s, loads):
+    """A recording in which a joint is told goals (times, angles), and shows these angles."""
+    told = seen()
+    mount = load_robot("marvin").servos[J]
+    others = told.events[told.events[:, 1] != J]
+    own = [(t, J, fields.GOAL_POSITION, mount.to_servo(goal)) for t, goal in goals]
+    events = np.array(sorted([*map(tuple, others), *own]))
+    start = told.start.copy()
+    start[fields.GOAL_POSITION, J], start[fields.ENABLED, J] = mount.to_servo(goals[0][1]), 1.0
+    sampled, angles, duty = list(told.sample_s), list(told.position_rad), list(told.duty)
+    sampled[J], angles[J] = sample_s, angle_rad
+    duty[J] = loads[0], loads[1] * mount.direction
+    return replace(
+        told,
+        events=events,
+        start=start,
+        sample_s=tuple(sampled),
+        position_rad=tuple(angles),
+        duty=tuple(duty),
+    )
+
+
 def test_small_and_large_duties_are_rows_of_their_own():
     """A joint that is held out by steps: what is added to its duty is told from its gain."""
-    told, robot = seen(), read_model(load_robot("marvin"))
-    j = 4
-    times, goal_s = told.sample_s[j], 0.5 * SECONDS
-    goal = float(told.goals["leg2.femur"][1][-1])
-    mount = load_robot("marvin").servos[j]
-    assert mount.joint == "leg2.femur"
-    own = told.events[:, 1] == j
-    events = told.events[~own]
-    start = told.start.copy()
-    start[fields.GOAL_POSITION, j], start[fields.ENABLED, j] = mount.to_servo(goal), 1.0
-    angles = list(told.position_rad)
-    count = told.quantum_rad
-    angles[j] = goal - np.where(times < goal_s, 0.04, np.where(times < 6.0, 0.12, 0.12 + count))
-    reads = np.arange(0.02, SECONDS - 0.2, 0.1)
-    duty = list(told.duty)
-    duty[j] = reads, np.where(reads < goal_s, 0.3, 0.7) * mount.direction
-    sampled = replace(
-        told, events=events, start=start, position_rad=tuple(angles), duty=tuple(duty)
-    )
-    found = laws(sampled)
-    rows = [LEVELS * j, LEVELS * j + 1]
-    assert found.recorded[rows] == pytest.approx([0.3, 0.7])
-    one, two = found.extra[rows]  # as many numbers as counts were shown, one after another
+    robot, count, half_s = read_model(load_robot("marvin")), seen().quantum_rad, 0.5 * SECONDS
+    times, reads = seen().sample_s[J], np.arange(0.02, SECONDS - 0.2, 0.1)
+    out = np.where(times < half_s, 0.04, np.where(times < 6.0, 0.12, 0.12 + count))
+    loads = reads, np.where(reads < half_s, 0.3, 0.7)
+    found = laws(held([(0.0, 0.1)], 0.1 - out, times, loads))
+    assert found.recorded[ROWS] == pytest.approx([0.3, 0.7])
+    one, two = found.extra[ROWS]  # as many numbers as counts were shown, one after another
     assert one == pytest.approx((GAIN * count) ** 2 / 12.0, rel=0.1)
     assert two == pytest.approx(one / 2.0, rel=0.02)
-    early = list(duty)
-    early[j] = np.array([0.02, 0.06, 0.1, 0.14]), np.full(4, 0.3)  # nobody knows for how long
-    assert np.isnan(laws(replace(sampled, duty=tuple(early))).recorded[rows]).all()
-    small, large = found.rows(robot)[rows]
+    small, large = found.rows(robot)[ROWS]
     assert large > 2.0 * small > 0.0
-    low = found.rows(changed("gain_error@femur", LESS))[rows]
+    low = found.rows(changed("gain_error@femur", LESS))[ROWS]
     assert (np.array([small, large]) - low) == pytest.approx(
         (1.0 - LESS) * (np.array([small, large]) - PUNCH), abs=1e-3
     )
+
+
+@pytest.mark.parametrize(("counts", "counted"), [(2.0, False), (3.0, True)])
+def test_joints_that_show_hardly_a_push_are_left_out(counts, counted):
+    times, reads = seen().sample_s[J], np.arange(0.22, SECONDS - 0.2, 0.1)
+    angles = np.full(len(times), 0.1 - counts * seen().quantum_rad)
+    found = laws(held([(0.0, 0.1)], angles, times, (reads, np.full(len(reads), 0.1))))
+    assert np.isfinite(found.recorded[ROWS[0]]) == counted
+
+
+def test_loads_that_were_read_at_once_tell_nothing():
+    """Nobody knows for how long the joint has stood so."""
+    times, reads = seen().sample_s[J], np.array([0.02, 0.06, 0.1, 0.14])
+    angles = np.full(len(times), 0.05)
+    found = laws(held([(0.0, 0.1)], angles, times, (reads, np.full(4, 0.3))))
+    assert np.isnan(found.recorded[ROWS]).all()
+
+
+def test_a_goal_that_moves_by_steps_is_ahead_for_a_while_only():
+    """Angles are read when a goal has just come, and is ahead by all of its step."""
+    step, cycle_s, lag = 4.0 * seen().quantum_rad, 0.03, 0.08
+    begun = 0.01 + np.arange(0.0, SECONDS, cycle_s)
+    goals = [(0.0, 0.0), *((t, (k + 1) * step) for k, t in enumerate(begun.tolist()))]
+    times = begun + 0.001
+    angles = step * times / cycle_s - lag
+    reads = np.arange(0.5, SECONDS - 0.5, 0.1)
+    found = laws(held(goals, angles, times, (reads, np.full(len(reads), 0.5))))
+    ahead = lag + step * (0.5 - begun[0] / cycle_s)  # on the mean
+    law = found.rows(read_model(load_robot("marvin")))[ROWS[0]]
+    assert law == pytest.approx(PUNCH + GAIN * ahead, abs=0.02 * GAIN * ahead)
+    shaken = (GAIN * step) ** 2 / 12.0  # what a load may be of the mean
+    assert found.extra[ROWS[0]] > 0.8 * shaken / len(reads)
+
+
+def test_a_load_whose_sign_is_exchanged_is_the_duty_all_the_same():
+    told = stood("marvin")
+    (times, plain), *_ = course(told, load_robot("marvin")).duty
+    robot = load_robot("marvin")
+    tables = {
+        number: replace(table, drive={**table.drive, "load_sign": -1.0})
+        for number, table in robot.tables.items()
+    }
+    turned = SimpleNamespace(servos=robot.servos, tables=tables)
+    again_s, other = _duty(told, turned, robot.servos[0], 0.0)
+    assert (other == -plain).all()
+    assert np.ptp(again_s - times) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -236,6 +294,13 @@ def test_the_noise_of_duties_is_that_of_rounding(model):
     own = Features.of(seen(), load_robot("marvin")).regulated.extra
     assert blocks[0, RobotKind.DUTY].extra == pytest.approx(own[known])
     assert (own[known] > 0.0).all()
+
+
+def test_rows_of_duties_belong_to_their_joints():
+    features = Features.of(seen(), load_robot("marvin"))
+    for joint in (0, J, 17):
+        own = np.flatnonzero(features.of_joint(joint, RobotKind.DUTY))
+        assert own.tolist() == [LEVELS * joint, LEVELS * joint + 1]
 
 
 def told_of(recorded):

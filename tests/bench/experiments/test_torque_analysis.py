@@ -67,6 +67,14 @@ def test_a_loaded_femur_shuts_down_a_second_after_it_stalls_and_gives_way(analys
     assert not any(c.shut_down_s > 0.0 for c in result.of("tibia", loaded))
 
 
+def test_loads_and_voltages_of_the_legs_it_stands_on_are_recorded(analysed):
+    recordings, result = analysed
+    for recording in recordings:
+        servo = recording.robot.by_joint[f"{result.leg}.femur"].servo_id
+        for register in ("present_load", "present_voltage"):
+            assert len(recording.si(servo, register, "read").value) > 50
+
+
 def test_stands_on_three_legs(analysed):
     recordings, _ = analysed
     condition = recordings[0].metadata["condition"]
