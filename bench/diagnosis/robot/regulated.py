@@ -63,7 +63,7 @@ class Regulated:
     @classmethod
     def of(cls, course: Course, robot: Robot, believed: PhysicalRobot) -> Regulated:
         """The laws as believed, along a recording's angles."""
-        joints = [j for j, t in enumerate(course.sample_s) if len(t) and np.ptp(t) > STEADY_S]
+        joints = [j for j, t in enumerate(course.sample_s) if len(t) and np.ptp(t) > 0.0]
         replays, angles = [], []
         for j in joints:
             order = np.argsort(course.sample_s[j], kind="stable")
