@@ -10,8 +10,15 @@ from walking_robots import believed, walked
 
 from bench.diagnosis.joint.rivals import AS_GOOD, CLOSE, TEMPER
 from bench.diagnosis.robot import next as walks
-from bench.diagnosis.robot.causes import ENGINES_SHARE, cause_of, close_rivals
+from bench.diagnosis.robot.causes import (
+    ENDS_SHARE,
+    ENGINES_SHARE,
+    cause_of,
+    close_rivals,
+    number_of,
+)
 from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotGain, levelled
 from bench.diagnosis.robot.limits import in_series
@@ -54,6 +61,32 @@ def test_a_cause_has_its_place_and_an_interval_of_scatter_and_of_what_engines_di
     ends = sorted(knob.value(1.0 + side * 1.96 * deviation) for side in (-1, 1))
     assert estimate.ci95 == pytest.approx(ends)
     assert estimate.state == "pinned"
+
+
+@pytest.mark.parametrize(
+    ("name", "read", "wide"),
+    [
+        ("gain_error@all", (), True),
+        ("gain_error@all", (RobotKind.VOLTAGE,), False),
+        ("gain_error@all", (RobotKind.DUTY,), False),
+        ("supply_voltage@all", (RobotKind.DUTY,), True),
+        ("supply_voltage@all", (RobotKind.VOLTAGE,), False),
+        ("joint_compliance@all", (), False),
+    ],
+)
+def test_what_multiplies_all_torques_is_less_sure_where_no_register_shows_it(name, read, wide):
+    made = search()
+    made.model.floors = lambda: dict.fromkeys(read, 0.1)
+    fit = SimpleNamespace(names=(name,), z=np.array([2.0]), nuisances=np.empty(0))
+    told = number_of(made, fit, name)
+    knob = placed_effects(believed())[name].knob
+    knobs = np.hypot(2.0 * 0.1, 2.0 * ENGINES_SHARE)
+    ends = sorted(knob.value(2.0 + side * 1.96 * knobs) for side in (-1, 1))
+    if not wide:
+        assert told.ci95 == pytest.approx(ends)
+        return
+    own, plain = 0.5 * np.subtract(*told.ci95[::-1]), 0.5 * np.subtract(*ends[::-1])
+    assert own == pytest.approx(np.hypot(plain, 1.96 * ENDS_SHARE * told.value), rel=0.05)
 
 
 def test_rivals_are_other_effects_that_came_close():
