@@ -34,6 +34,7 @@ STEPS = 4  #: of least squares in a round, at most
 SHORTER = (1.0, 0.5, 0.2, 0.05)  #: shares of a step that are tried
 KINDS_S = 1e5  #: between times of one kind of channel and of another, as far as those of joints
 LASTING_S = 1e4  #: memory of what is the same in all of a recording
+DUTY_NOISE = Noise(DUTY_FLOOR, 0.0, LASTING_S)
 HELD = 1e9  #: what a prior knows of a number that is held
 #: channels of registers: what all recordings tell once, or what no model of joints does wrong
 REGISTERS = (RobotKind.VOLTAGE, RobotKind.DUTY)
@@ -112,7 +113,7 @@ class Sight:
             elif kind is RobotKind.VOLTAGE:
                 found[kind] = voltage_noise(self.model, len(own))
             elif kind is RobotKind.DUTY:
-                found[kind] = Noise(DUTY_FLOOR, 0.0, LASTING_S)
+                found[kind] = DUTY_NOISE
             else:
                 found[kind] = estimate(own, floors[kind], start.get(kind) if start else None)
         return found

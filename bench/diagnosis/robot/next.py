@@ -2,7 +2,7 @@
 
 Both are replayed in every experiment of a menu: the walk that was recorded with another weight on
 the trunk, with the body held and the legs free, with the height of the trunk watched, or with the
-voltage read. What tells them apart is as for one joint
+voltage or the loads read. What tells them apart is as for one joint
 (:mod:`bench.diagnosis.joint.next_experiment`).
 """
 
@@ -22,14 +22,14 @@ from ..joint.next_experiment import adapted, most_telling, separated
 from ..noise import Noise
 from ..result import NextExperiment
 from .features import MEANS, RobotKind
-from .fit import RobotFit, Sight, voltage_noise
+from .fit import DUTY_NOISE, RobotFit, Sight, voltage_noise
 from .model import HEIGHT_FLOOR_M, RobotModel
 from .replay import Course
 
 Floats = NDArray[np.float64]
 
 HEAVIER = 0.15  #: of the robot's mass: a weight to put on its trunk; assumed
-WATCH_S = 0.02  #: between two looks at the trunk's height, or at a voltage
+WATCH_S = 0.02  #: between two looks at the trunk's height, at a voltage, or at a load of any servo
 MEMORY_S = 0.1  #: of a height's noise; assumed
 
 
@@ -71,7 +71,17 @@ def menu(model: RobotModel) -> list[RobotChoice]:
     if all(f.course.voltage is None for f in model.features):
         read = replace(told, name="read", group="read", voltage=(times, np.zeros(len(times))))
         choices.append(RobotChoice("locomotion", {"read": "present_voltage"}, read))
+    if not any(len(t_s) for f in model.features for t_s, _ in f.course.duty):
+        loads = replace(told, name="loads", group="loads", duty=_by_turns(told))
+        choices.append(RobotChoice("locomotion", {"read": "present_load"}, loads))
     return choices
+
+
+def _by_turns(told: Course) -> tuple[tuple[Floats, Floats], ...]:
+    """Instants [s] at which loads of a course would be read, one servo after another."""
+    joints = len(told.sample_s)
+    every = [np.arange(j * WATCH_S, told.end_s, joints * WATCH_S) for j in range(joints)]
+    return tuple((t_s, np.zeros(len(t_s))) for t_s in every)
 
 
 def next_experiments(
@@ -93,6 +103,7 @@ def next_experiments(
     apart = {}
     with RobotModel(model.base, robot, [choice.course for choice in choices]) as imagined:
         noise = {RobotKind.HEIGHT: watched, RobotKind.VOLTAGE: voltage_noise(imagined, 1)}
+        noise[RobotKind.DUTY] = DUTY_NOISE
         noise |= dict(named.noise)
         for rival, other in rivals.items():
             known = np.asarray(np.linalg.inv(sight.covariances(other)[0]), np.float64)

@@ -22,7 +22,7 @@ from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotGain, levelled
 from bench.diagnosis.robot.limits import in_series
-from bench.diagnosis.robot.next import HEAVIER, menu
+from bench.diagnosis.robot.next import HEAVIER, WATCH_S, menu
 
 OWN = "foot_compliance@all"
 NEAR, FAR, SAME = "joint_compliance@all", "backlash@tibia", "foot_compliance@leg1"
@@ -171,10 +171,10 @@ def test_gains_of_a_step_are_divided_by_one_inflation():
     assert [g.inflation for g in levelled(none_gains)] == [pytest.approx(2.0)] * 2
 
 
-def test_the_menu_is_the_recorded_walk_heavier_held_watched_and_with_the_voltage_read():
+def test_the_menu_is_the_recorded_walk_heavier_held_watched_and_with_registers_read():
     features = [SimpleNamespace(course=walked())]
     choices = menu(SimpleNamespace(features=features, base=believed()))
-    heavier, held, watched, read = choices
+    heavier, held, watched, read, loads = choices
     assert heavier.course.condition["trunk_load_kg"] == pytest.approx(
         HEAVIER * believed().mass_kg, abs=1e-3
     )
@@ -182,21 +182,29 @@ def test_the_menu_is_the_recorded_walk_heavier_held_watched_and_with_the_voltage
     assert watched.course.height is not None
     assert read.course.voltage is not None
     assert read.arguments == {"read": "present_voltage"}
+    assert loads.arguments == {"read": "present_load"}
+    every = np.sort(np.concatenate([t_s for t_s, _ in loads.course.duty]))
+    assert np.diff(every) == pytest.approx(WATCH_S)  # one servo after another
+    assert len(loads.course.duty) == len(walked().sample_s)
+    assert every[-1] <= walked().end_s
     assert all((c.course.events == walked().events).all() for c in choices)
 
 
-def test_nobody_is_told_to_read_a_voltage_that_was_read():
-    seen = replace(walked(), voltage=(np.arange(3.0), np.full(3, 7.4)))
+def test_nobody_is_told_to_read_a_register_that_was_read():
+    nothing = np.empty(0), np.empty(0)
+    duty = (nothing, (np.arange(3.0), np.full(3, 0.1)), *[nothing] * 16)
+    seen = replace(walked(), voltage=(np.arange(3.0), np.full(3, 7.4)), duty=duty)
     choices = menu(SimpleNamespace(features=[SimpleNamespace(course=seen)], base=believed()))
     assert not any("read" in choice.arguments for choice in choices)
     assert all(choice.course.voltage is seen.voltage for choice in choices)
+    assert all(choice.course.duty is duty for choice in choices)
 
 
 def test_walks_are_proposed_that_tell_a_name_from_rivals_that_follow_as_recordings_let_them(
     monkeypatch,
 ):
-    """Four walks of two rows: joints can follow in the first, and no more where they are held."""
-    apart = {NEAR: [(9.0, 0.0), (0.0, 2.0), (0.0, 0.0), (0.0, 0.0)], FAR: [(0.0, 6.0)] * 4}
+    """Five walks of two rows: joints can follow in the first, and no more where they are held."""
+    apart = {NEAR: [(9.0, 0.0), (0.0, 2.0), *[(0.0, 0.0)] * 3], FAR: [(0.0, 6.0)] * 5}
 
     class Seen:
         def __init__(self, model, which, kinds):
