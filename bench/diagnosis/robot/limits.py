@@ -29,7 +29,8 @@ def limits(
         "second where there is no gait): what differs from cycle to cycle is not judged",
         "the fit before and after is that of the samples in which the robot walks (or of all "
         "after the first second): how it stands up before depends on how it lay",
-        "of a whole robot temperature registers are not used, and loads of joints that stand only",
+        "temperature registers are not used for a whole robot, and loads only of joints that "
+        "stand or move slowly",
     ]
     if RobotKind.VOLTAGE not in model.floors():
         said.append(
