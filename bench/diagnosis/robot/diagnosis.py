@@ -166,7 +166,7 @@ class Work:
                 *limits(model, after, self.which, self.held_out),
                 *stand_in(ends),
                 *other_volts(volts),
-                *other_duties(off),
+                *other_duties(off, self.held.duties_most(after)[1]),
                 *in_series(causes),
                 *told(play is not None, shakes, shook, shaken),
             ),

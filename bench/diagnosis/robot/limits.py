@@ -147,12 +147,12 @@ def other_volts(more_v: float) -> tuple[str, ...]:
     )
 
 
-def other_duties(off: float) -> tuple[str, ...]:
+def other_duties(off: float, where: str) -> tuple[str, ...]:
     """What is to be said of duties that no law as modelled makes of the recorded angles."""
     if off == 0.0:
         return ()
     return (
-        f"loads of joints that stand are {off:.0f} deviations from what the better model's law "
-        "makes of their recorded angles, and no name that holds explains it: compare the "
+        f"loads of {where or 'all joints'} are {off:.0f} deviations from what the better model's "
+        "law makes of recorded angles, and no name that holds explains it: compare the "
         "controller's registers (gains, punch, margins, limits) with the robot file",
     )

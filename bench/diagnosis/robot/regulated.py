@@ -156,20 +156,24 @@ def _steady(t_s: Floats, duty: Floats, within: float) -> NDArray[np.bool_]:
     return np.array([float(np.ptp(part)) <= within for part in parts], bool)
 
 
-def most_off(model: RobotModel, blocks: Mapping[int, Block]) -> float:
-    """How far residuals of duties are off together, where that is most [deviations].
+def most_off(model: RobotModel, blocks: Mapping[int, Block]) -> tuple[float, str]:
+    """How far residuals of duties are off together, where that is most [deviations], and where.
 
     ``blocks`` are those of recordings by number. Asked of every joint, kind of joint and leg, and
-    of all of them.
+    of all of them (no word).
     """
     rows = [np.flatnonzero(np.isfinite(model.features[r].regulated.recorded)) for r in blocks]
     every = np.concatenate(rows) // LEVELS
     value = np.concatenate([block.value for block in blocks.values()])
     weight = 1.0 / (DUTY_FLOOR**2 + np.concatenate([block.extra for block in blocks.values()]))
-    names = [model.base.joints[j].name.split(".") for j in every.tolist()]
-    places = [set(), *({word} for own in names for word in own), *(set(own) for own in names)]
-    found = [0.0]
-    for place in {frozenset(place) for place in places}:
-        own = np.array([place <= set(name) for name in names], bool)
-        found.append(abs(float(value[own] @ weight[own])) / float(np.sqrt(weight[own].sum())))
-    return max(found)
+    names = [model.base.joints[j].name for j in every.tolist()]
+    words = [name.split(".") for name in names]
+    places = ["", *(word for own in words for word in own), *names]
+    found = [(0.0, "")]
+    for place in dict.fromkeys(places):
+        own = np.array(
+            [place in {"", *each, name} for name, each in zip(names, words, strict=True)]
+        )
+        off = abs(float(value[own] @ weight[own])) / float(np.sqrt(weight[own].sum()))
+        found.append((off, place))
+    return max(found, key=lambda pair: pair[0])

@@ -152,7 +152,11 @@ class RobotJudges:
         return off if off > DUTIES_OFF else 0.0
 
     def duties_off(self, found: RobotFit) -> float:
-        """How far duties that loads show are off from what laws make of recorded angles.
+        """How far duties that loads show are off, where that is most: :meth:`duties_most`."""
+        return self.duties_most(found)[0]
+
+    def duties_most(self, found: RobotFit) -> tuple[float, str]:
+        """How far duties that loads show are off from what laws make of recorded angles, and where.
 
         In deviations, of the joint, kind of joint or leg (or all) where it is most. All recordings
         tell it, as hardly a tolerance does anything about it where it is fitted.
@@ -161,7 +165,7 @@ class RobotJudges:
         self.model.recentre(found.settings, found.nuisances, every)
         blocks = self.model.residuals(found.names, found.z, every)
         own = {r: b for (r, kind), b in blocks.items() if kind is RobotKind.DUTY and len(b.value)}
-        return most_off(self.model, own) if own else 0.0
+        return most_off(self.model, own) if own else (0.0, "")
 
     def restores(self, without: RobotFit, now: RobotFit) -> bool:
         """Whether a register asks for a name: it denies the model, and less than half so with it.

@@ -3,7 +3,8 @@
 An effect is taken when it gains enough on what it is fitted to and, where there are several groups
 of recordings, on those left out. Where tolerances had paid for it, it gains that they need not, and
 nothing on those: it must gain more then, and lose no more there than fits of one hypothesis end
-apart by. Then exactly that robot is replayed.
+apart by. What loads show by themselves asks no group: along the recorded angles no tolerance of
+another one plays a part. Then exactly that robot is replayed.
 
 Every hypothesis begins as believed but for its effects: where tolerances have paid for what is the
 matter, no small step leads back from. And what it is held against is fitted again from where the
@@ -236,5 +237,7 @@ class Steps(ExactFits):
             return False
         outside = gain.held_out
         if outside is None or outside / gain.inflation > HELD_OUT:
+            return True
+        if now.duty - gain.fit.duty >= BESIDE:
             return True
         return outside > -gain.apart and counts >= BESIDE

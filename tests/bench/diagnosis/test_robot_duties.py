@@ -290,11 +290,10 @@ def test_loads_tell_a_gain_from_a_supply_and_whose_gain_it_is(model):
     found = Sight(model, [1], both).fit(("gain_error@femur",))
     size = model.placed["gain_error@femur"].knob.value(found.knobs[0])
     assert size == pytest.approx(LESS, abs=0.04)
-    assert found.once == pytest.approx(
-        Sight(model, [1], (RobotKind.DUTY,)).cost(
-            Sight(model, [1], (RobotKind.DUTY,)).blocks(found.names, found.z), found.noise
-        )
-    )
+    duties = Sight(model, [1], (RobotKind.DUTY,))
+    own = duties.cost(duties.blocks(found.names, found.z), found.noise)
+    assert found.once == pytest.approx(own)
+    assert found.duty == pytest.approx(own)
 
 
 def test_a_recording_without_loads_is_fitted_beside_those_with_them(model):
@@ -334,30 +333,32 @@ def told_of(recorded):
 
 
 @pytest.mark.parametrize(
-    ("value", "off"),
+    ("value", "off", "where"),
     [
-        ([0.03, 0.0, 0.0], 3.0),  # the joint alone
-        ([0.03, 0.0, 0.03], 3.0 * np.sqrt(2.0)),  # the femurs
-        ([0.03, 0.03, 0.0], 3.0 * np.sqrt(2.0)),  # the leg
-        ([0.03, 0.03, 0.03], 3.0 * np.sqrt(3.0)),  # all of them
-        ([0.03, -0.03, 0.0], 3.0),
-        ([0.0, 0.0, 0.0], 0.0),
+        ([0.03, 0.0, 0.0], 3.0, "leg1.femur"),
+        ([0.03, 0.0, 0.03], 3.0 * np.sqrt(2.0), "femur"),
+        ([0.03, 0.03, 0.0], 3.0 * np.sqrt(2.0), "leg1"),
+        ([0.03, 0.03, 0.03], 3.0 * np.sqrt(3.0), ""),
+        ([0.01, -0.03, 0.0], 3.0, "tibia"),
+        ([0.0, 0.0, 0.0], 0.0, ""),
     ],
 )
-def test_duties_are_off_where_they_are_so_together(value, off):
+def test_duties_are_off_where_they_are_so_together(value, off, where):
     block = Block(np.arange(3.0), np.array(value), np.full(3, 0.01**2 - DUTY_FLOOR**2))
-    assert most_off(told_of([1.0, 1.0, 1.0]), {0: block}) == pytest.approx(off)
+    found, place = most_off(told_of([1.0, 1.0, 1.0]), {0: block})
+    assert (found, place) == (pytest.approx(off), where)
 
 
 def test_rows_are_those_of_joints_whose_loads_were_read():
     block = Block(np.arange(2.0), np.array([0.03, 0.03]), np.full(2, 0.01**2 - DUTY_FLOOR**2))
-    found = most_off(told_of([1.0, np.nan, 1.0]), {0: block})
+    found, _ = most_off(told_of([1.0, np.nan, 1.0]), {0: block})
     assert found == pytest.approx(3.0 * np.sqrt(2.0))
 
 
 def test_the_answer_says_how_far_duties_are_off_and_what_shows_a_gain():
-    assert other_duties(0.0) == ()
-    assert "are 7 deviations from" in other_duties(7.2)[0]
+    assert other_duties(0.0, "leg1") == ()
+    assert "loads of leg2 are 7 deviations from" in other_duties(7.2, "leg2")[0]
+    assert "loads of all joints are 5 deviations from" in other_duties(5.0, "")[0]
     features = SimpleNamespace(phase=None, course=SimpleNamespace(name="stand-1"))
     for floors, asked in (({}, True), ({RobotKind.DUTY: DUTY_FLOOR}, False)):
         model = SimpleNamespace(
