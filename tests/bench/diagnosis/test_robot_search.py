@@ -537,6 +537,16 @@ def test_what_voltages_tell_is_not_deflated(once, holds):
     assert Exact({})._holds(gain, now) is holds
 
 
+@pytest.mark.parametrize(("shown", "holds"), [(0.0, False), (0.9, False), (1.1, True)])
+def test_what_loads_show_by_themselves_asks_no_group(shown, holds):
+    """A gain of 0.75 in a leg that stands: groups left out cost more, as where feet stick does."""
+    now = RobotFit((), np.zeros(0), {}, 0.0, once=50.0, duty=50.0)
+    left = 50.0 - shown * BESIDE
+    found = RobotFit(("effect0@all",), np.zeros(1), {}, -40.0, once=left, duty=left)
+    gain = RobotGain("effect0@all", found, 40.0, 1.2, -3.0 * APART_NATS)
+    assert Exact({})._holds(gain, now) is holds
+
+
 def test_what_joints_tell_is_deflated_beside_voltages():
     now = RobotFit((), np.zeros(0), {}, 100.0, once=30.0)
     gain = RobotGain("a", RobotFit(("a",), np.zeros(1), {}, 60.0, once=10.0), 40.0, 4.0, None)
