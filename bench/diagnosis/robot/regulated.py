@@ -8,11 +8,12 @@ register holds is up to a refresh old.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from busemu.tables import Robot
@@ -35,8 +36,9 @@ STEADY_COUNTS = 6.0  #: of the angle, that it may be worth between two instants 
 #: of the angle, beyond which a joint must be from where its law pushes the other way: of those that
 #: show fewer rounding makes too many
 SURE_COUNTS = 2.4
-#: of a row: steps of the register and what firmware rounds; assumed
-DUTY_FLOOR = 0.003
+#: of a row: by 0.002 to 0.004 the emulated servos' loads of joints that move slowly, read in every
+#: cycle, are larger than the law of the angles that were read; source: measured
+DUTY_FLOOR = 0.005
 LEVELS = 2  #: rows of a joint: what is added to a duty differs from what multiplies it
 APART_COUNTS = 6.0  #: of the angle that duties must span for that; by fewer, rounding would sort
 LEAST_READS = 3  #: below which a joint's loads tell nothing; assumed
@@ -151,9 +153,10 @@ def _mean_since(t_s: Floats, values: Floats) -> Floats:
 
 def _steady(t_s: Floats, duty: Floats, within: float) -> NDArray[np.bool_]:
     """Whether a duty has stayed within a range for so long before each instant."""
-    first = np.searchsorted(t_s, t_s - STEADY_S)
-    parts: Sequence[Floats] = [duty[a : b + 1] for b, a in enumerate(first.tolist())]
-    return np.array([float(np.ptp(part)) <= within for part in parts], bool)
+    width = 1 + int(np.searchsorted(t_s, t_s[0] + STEADY_S))
+    padded = np.pad(duty, (width - 1, 0), mode="edge")
+    steady: NDArray[np.bool_] = np.ptp(sliding_window_view(padded, width), axis=1) <= within
+    return steady
 
 
 def most_off(model: RobotModel, blocks: Mapping[int, Block]) -> tuple[float, str]:
