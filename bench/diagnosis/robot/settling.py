@@ -337,8 +337,11 @@ class RobotJudges:
         tolerances stand in for something, and with it none do, those had foretold recordings that
         judge as well: it may be worse there by that much, and samples a little. So where without it
         voltages deny the model, and it takes away most of that. But not beside another name: that
-        may be what they stand in for.
+        may be what they stand in for. Where loads deny the model without it, and with it no more
+        than noise is left of anything, it takes off enough.
         """
+        if self.duties_denied(without) and self.quiet(now):
+            return np.inf
         frees = bool(self.strained(without)) and not self.strained(now)
         frees |= self.restores(without, now)
         if frees and len(now.names) > 1:

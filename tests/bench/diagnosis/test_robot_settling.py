@@ -429,6 +429,14 @@ def test_a_name_that_tolerances_had_stood_in_for_need_not_be_better_where_they_f
         assert kept({(): before} | slightly, worse, stand_in=[()]) == names
 
 
+def test_a_name_that_loads_ask_for_holds_where_no_more_than_noise_is_left(monkeypatch):
+    worse, whole = {(): 1.0, ("a",): 3.0}, {(): 1.0, ("a",): 1.0}
+    assert kept(worse, whole=whole, low={(): 9.0}) == ()
+    monkeypatch.setattr(Given, "calm", True)
+    assert kept(worse, whole=whole, low={(): 9.0}) == ("a",)
+    assert kept(worse, whole=whole) == ()
+
+
 def test_a_name_that_voltages_ask_for_need_not_be_better_where_tolerances_foretell_as_much():
     slightly = {(): 1.0, ("a",): 1.0 + 0.9 * RELIEF}
     assert kept(slightly, denied={(): -0.7}) == ("a",)
