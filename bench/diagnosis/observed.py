@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.recording import Recording, RecordingError
-from busemu.tables import Robot
+from bench.recording.rules import READ
+from busemu.tables import ControlTable, Robot
 from sim.drive import fields, lanes
 from sim.rollout import Replay
 
@@ -191,23 +192,34 @@ def stuck(one: Observed) -> bool:
     return moved and float(np.ptp(samples.value[samples.good])) == 0.0
 
 
+def shown_by(
+    recording: Recording, servo_id: int, table: ControlTable, channel: Channel
+) -> tuple[str, Floats, Floats] | None:
+    """The register that brought a channel, times [s] and values, a duty in the servo's own sense.
+
+    ``None`` where nobody read any of its registers.
+    """
+    for register in channel.registers:
+        if (servo_id, register, READ) in recording.by_series:
+            times, values = recording.si(servo_id, register, READ)
+            if len(times):
+                sign = float(table.drive.get("load_sign", 1.0)) if register == LOAD else 1.0
+                return register, times, sign * values
+    return None
+
+
 def _observe(recording: Recording, robot: Robot, joint: str) -> Observed | None:
     mount = robot.by_joint[joint]
     servo_id = mount.servo_id
     table = robot.tables[servo_id]
     series = {}
     for channel in Channel:
-        for register in channel.registers:
-            if (servo_id, register, "read") in recording.by_series:
-                times, values = recording.si(servo_id, register, "read")
-                if len(times):
-                    waits = recording.waits(servo_id, register)
-                    times = times + np.nan_to_num(waits.own - waits.first)
-                    if register == LOAD:
-                        values = values * float(table.drive.get("load_sign", 1.0))
-                    quantum = abs(table[register].si_scale)
-                    series[channel] = (register, times, values, quantum)
-                    break
+        shown = shown_by(recording, servo_id, table, channel)
+        if shown is not None:
+            register, times, values = shown
+            waits = recording.waits(servo_id, register)
+            times = times + np.nan_to_num(waits.own - waits.first)
+            series[channel] = (register, times, values, abs(table[register].si_scale))
     if Channel.POSITION not in series or len(series[Channel.POSITION][1]) < LEAST_SAMPLES:
         return None
     register, times, angles, quantum = series[Channel.POSITION]

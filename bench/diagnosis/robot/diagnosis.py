@@ -313,7 +313,7 @@ class Work:
                 RobotKind.JOINTS: "all joints",
                 RobotKind.HEIGHT: "the trunk's height [m]",
                 RobotKind.VOLTAGE: "the supply at the servos [V]",
-                RobotKind.DUTY: "duties of joints that stand",
+                RobotKind.DUTY: "duties of joints that stand or move slowly",
             }
             over = "along their angles" if kind is RobotKind.DUTY else "over the phase of the gait"
             rows.append(

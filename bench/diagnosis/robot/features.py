@@ -43,7 +43,7 @@ class RobotKind(enum.Enum):
     HEIGHT = "height"  #: of the trunk over where it began, where an observer recorded it
     VOLTAGE = "voltage"  #: of the supply, where servos' registers of it were read
     SHAKING = "shaking"  #: of joints from sample to sample, as a logarithm
-    DUTY = "duty"  #: of joints that stand, along their recorded angles, where loads were read
+    DUTY = "duty"  #: of laws along recorded angles that hardly change, where loads were read
 
 
 #: what is compared by its means

@@ -21,7 +21,7 @@ from sim.tree import SEGMENTS, PhysicalRobot
 from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
 from ..commands import drive_commands
-from ..observed import LOAD, Channel, held_at
+from ..observed import Channel, held_at, shown_by
 
 Floats = NDArray[np.float64]
 
@@ -157,12 +157,11 @@ def _duty(
 ) -> tuple[Floats, Floats]:
     """Times [s] and duties of a servo's load register, none where nobody read it."""
     table = robot.tables[mount.servo_id]
-    for name in Channel.DUTY.registers:
-        if name in table and len(found := recording.si(mount.servo_id, name, READ).value):
-            times = recording.si(mount.servo_id, name, READ).t_sample_s - origin_s
-            sign = float(table.drive.get("load_sign", 1.0)) if name == LOAD else 1.0
-            return times, sign * found
-    return np.empty(0), np.empty(0)
+    shown = shown_by(recording, mount.servo_id, table, Channel.DUTY)
+    if shown is None:
+        return np.empty(0), np.empty(0)
+    _, times, duty = shown
+    return times - origin_s, duty
 
 
 def _waits_s(recording: Recording, servo_id: int) -> Floats:

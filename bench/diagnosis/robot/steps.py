@@ -236,8 +236,7 @@ class Steps(ExactFits):
         if self._within_ticks(gain) or counts < (BESIDE if now.names else NEEDED):
             return False
         outside = gain.held_out
-        if outside is None or outside / gain.inflation > HELD_OUT:
-            return True
-        if now.duty - gain.fit.duty >= BESIDE:
+        shown = now.duty - gain.fit.duty >= BESIDE
+        if shown or outside is None or outside / gain.inflation > HELD_OUT:
             return True
         return outside > -gain.apart and counts >= BESIDE
