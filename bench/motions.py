@@ -263,6 +263,26 @@ class WalkPlan:
         return dataclasses.asdict(self)
 
 
+@dataclass(frozen=True, slots=True)
+class StandPlan:
+    """What a whole robot does on its feet, which stay where they are, and the weight on its trunk.
+
+    ``programme``: one of :data:`STANDING`.
+    """
+
+    programme: str
+    payload_kg: float = 0.0
+
+    def document(self) -> dict[str, Any]:
+        """The plan as a document of plain values."""
+        return dataclasses.asdict(self)
+
+
+#: what a standing robot can do: sink and rise on all feet, go to and fro and sideways on all feet,
+#: or stand on three of them and stretch the middle leg of those
+STANDING = ("squat", "sway", "stretch")
+
+
 def _smooth(share: Floats) -> Floats:
     """0 to 1 by a cubic with level ends, held outside."""
     x = np.clip(share, 0.0, 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
@@ -56,6 +56,14 @@ def prove(
             help="So many cases of whole robots, too. Each takes two to twenty minutes of a core.",
         ),
     ] = 0,
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="With --robots: robots of this scene alone (marvin-walk, phantomx-walk, "
+            "marvin-stand, phantomx-stand); may be given again for another.",
+        ),
+    ] = None,
     processes: Annotated[int, typer.Option(min=1, help="How many run at a time.")] = 2,
     active: Annotated[
         bool,
@@ -86,7 +94,6 @@ def prove(
         from .proof.errors import ProofError
         from .proof.plan import plan
         from .proof.report import write_score
-        from .proof.robot_plan import robots as walking
         from .proof.running import Proof
     except ModuleNotFoundError as error:
         fail(f"prove needs {error.name}: pip install 'busemu[sim,bench,proof]'")
@@ -100,7 +107,7 @@ def prove(
         planned = plan(seed, cases, quick=quick, only=kind, way=way)
     except ValueError as error:
         fail(f"--cases: {error}")
-    planned += walking(seed, robots, quick=quick)
+    planned += _on_feet(seed, robots, scene or (), quick=quick)
     if not planned:
         fail("--cases 0 leaves nothing to diagnose: give --robots")
     _tell_plan(planned)
@@ -134,6 +141,19 @@ def prove(
         raise typer.Exit(130) from None
     _tell_score(score)
     typer.echo(f"look at   {out / 'index.html'}, {out / 'score.json'}, {out / 'cases.csv'}")
+
+
+def _on_feet(seed: int, robots: int, scenes: Sequence[str], *, quick: bool) -> tuple[Planned, ...]:
+    """Cases of whole robots; ends the program where a scene has none."""
+    from .proof.robot_plan import ON_FEET
+    from .proof.robot_plan import robots as drawn
+
+    if scenes and not robots:
+        fail(f"--scene {scenes[0]}: give --robots CASES as well")
+    try:
+        return drawn(seed, robots, quick=quick, scenes=scenes or ON_FEET)
+    except ValueError as error:
+        fail(f"--scene: {error}")
 
 
 def _named(names: type[Named], told: str, option: str) -> Named:

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from bench.motions import ExperimentPlan, WalkPlan
+from bench.motions import ExperimentPlan, StandPlan, WalkPlan
 from bench.recording import Recording
 from bench.recording.metadata import FORMAT
 
@@ -20,7 +20,7 @@ from .case import Asked, Case, Kind, draw
 from .changes import Truth
 from .conceal import disguise
 from .imitation import left_of
-from .legged_case import LeggedCase, draw_legged, nuisance_document, stance_share
+from .legged_case import READS, LeggedCase, draw_legged, nuisance_document, stance_share
 from .legged_sizing import legged_floor, passing
 from .measure import Measured, record
 from .scenes import SCENES, Plan, Played, play
@@ -155,9 +155,9 @@ class LeggedDraft:
         random = np.random.default_rng([case.seed, 23, *name.encode()])
         whole, _ = case.truth(plan)
         whole = passing(whole, late + 0.2 * float(random.uniform(-1.0, 1.0)))
-        if scene.support == "suspended" and isinstance(plan, WalkPlan):
-            raise ValueError(f"{scene.name} is on a stand and cannot walk")
-        played = play(scene, plan, whole.body, whole.electrics, volts=case.volts)
+        if scene.support == "suspended" and not isinstance(plan, ExperimentPlan):
+            raise ValueError(f"{scene.name} is held in the air: it neither stands nor walks")
+        played = play(scene, plan, whole.body, whole.electrics, reads=READS[case.style])
         table = _disturbed(played, case, random)
         recording = Recording.checked(table, _metadata(case, plan, name, group))
         return _with_truth(recording, played, 1.0 + 1e-6 * case.nuisances.clock_ppm)
@@ -185,7 +185,8 @@ class LeggedDraft:
         return {
             "concealment": case.concealment.value,
             "rig": scene.name,
-            "style": "position and voltage" if case.volts else "position",
+            "programme": "walk" if scene.walks else "stand",
+            "style": case.style,
             "effects": told[len(case.ordinary) :],
             "ordinary": told[: len(case.ordinary)],
             "nuisances": nuisance_document(case.nuisances),
@@ -204,6 +205,8 @@ def _metadata(case: LeggedCase, plan: Plan, name: str, group: str) -> dict[str, 
     }
     if isinstance(plan, WalkPlan):
         condition |= {"payload_kg": plan.payload_kg, "v_left": plan.v_left, "v_right": plan.v_right}
+    elif isinstance(plan, StandPlan):
+        condition |= {"payload_kg": plan.payload_kg, "programme": plan.programme}
     else:
         condition |= {"motion": plan.motion.name, "joint": plan.joint}
     registers = plan.registers if isinstance(plan, ExperimentPlan) else {}

@@ -36,7 +36,16 @@ TOLERANCES: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 DROOP_1_S = 0.001  #: of the supply's voltage, that it may lose in a second
-VOLTS = 0.5  #: share of walks in which somebody reads voltages
+VOLTAGE, LOAD = "present_voltage", "present_load"
+#: what is read beside the positions of a robot on its feet, and the share of the cases in which
+READS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "position": (),
+        "position and voltage": (VOLTAGE,),
+        "position, voltage and load": (VOLTAGE, LOAD),
+    }
+)
+READ = (0.4, 0.3, 0.3)
 SENSE = 0.01, 0.005  #: how far off those are, all alike and each by itself; assumed
 
 
@@ -61,7 +70,7 @@ class LeggedHidden:
         return tuple(self.where.joints(*self.effect.links))
 
     def walking(self, scene: Scene) -> float | None:
-        """Its size while the robot walks, in floors; ``None`` on a stand, and of a disguise."""
+        """Its size once the robot is up, in floors; ``None`` on a stand, and of a disguise."""
         if scene.support != "ground" or math.isnan(self.ratio):
             return None
         return walking_ratio(scene.name, self.name, self.size, self.where)
@@ -162,7 +171,7 @@ class LeggedCase:
     ordinary: tuple[LeggedHidden, ...]
     nuisances: LeggedNuisances
     decoy: Mapping[str, float]  #: zero errors of joints that draw the eye [rad]
-    volts: bool  #: whether the robot's program reads voltages as well
+    style: str  #: what the robot's program reads, one of :data:`READS`
 
     def truth(self, plan: Plan) -> tuple[Whole, list[tuple[LeggedHidden, Truth]]]:
         """The robot under a plan, and what is true of every effect in it."""
@@ -179,9 +188,9 @@ class LeggedCase:
 def stance_share(scene: Scene, told: Sequence[LeggedHidden]) -> float | None:
     """Share of what effects together change that is in stance.
 
-    ``None`` without an effect, and on a stand.
+    ``None`` without an effect, and where nothing walks.
     """
-    if not told or scene.support != "ground":
+    if not told or not scene.walks:
         return None
     changed = {}
     for group in scene.groups:
@@ -218,6 +227,8 @@ def draw_legged(seed: int, asked: Asked) -> LeggedCase:
     weights = np.array(list(shares.values()))
     at = int(random.choice(len(shares), p=weights / weights.sum()))
     kind = Kind(asked.kind) if asked.kind else list(shares)[at]
+    if asked.style and asked.style not in READS:
+        raise ValueError(f"no style {asked.style!r} on {scene.name}: one of {'; '.join(READS)}")
     if kind is Kind.STRANGER:
         raise ValueError("strangers are hidden on one-joint rigs: leave the scene out")
     for _ in range(DRAWS):
@@ -264,7 +275,9 @@ def _try(
     if random.random() < 0.3 if asked.disguise is None else asked.disguise:
         joint = str(random.choice(list(scene.joints)))
         decoy[joint] = float(random.choice([-1.0, 1.0])) * 2.0 * DEGREE
-    volts = scene.support == "ground" and bool(random.random() < VOLTS)
+    style = asked.style or str(random.choice(list(READS), p=READ))
+    if scene.support != "ground":
+        style = next(iter(READS))
     nuisances = dataclasses.replace(nuisances, sense_v=_sense(scene, random))
     return LeggedCase(
         seed,
@@ -276,7 +289,7 @@ def _try(
         tuple(ordinary),
         nuisances,
         decoy,
-        volts,
+        style,
     )
 
 

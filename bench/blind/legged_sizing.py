@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.motions import WalkPlan
+from bench.motions import StandPlan, WalkPlan
 
 from .drives import Electrics
 from .legged import Body
@@ -29,7 +29,7 @@ SIZED_S = 5.0  #: of a walk on which sizes are measured
 
 def believed(scene: Scene, plan: Plan | None = None) -> Whole:
     """The robot as its operator believes it to be."""
-    weight = plan.payload_kg if isinstance(plan, WalkPlan) else 0.0
+    weight = plan.payload_kg if isinstance(plan, WalkPlan | StandPlan) else 0.0
     body = Body(support=scene.support, legs=scene.legs, payload_kg=weight)
     return Whole(scene.robot, body, Electrics())
 

@@ -1,8 +1,8 @@
-"""Scenes of legged robots: a leg on a stand, or a whole robot that walks, on the emulated bus."""
+"""Scenes of legged robots on the emulated bus: a leg on a stand, or a whole robot on its feet."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import cycle
@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.motions import ExperimentPlan, WalkPlan, motion
+from bench.motions import ExperimentPlan, StandPlan, WalkPlan, motion
 from bench.running import Session, Steering, in_process, walk_in
 from busemu.plant import ServoState
 from busemu.tables import Robot, load_robot
@@ -21,9 +21,10 @@ from hal.robot_control import RobotControl
 from .drives import Electrics
 from .legged import Body
 from .legs import LegsPlant
+from .standing import stand
 
 Floats = NDArray[np.float64]
-Plan = ExperimentPlan | WalkPlan
+Plan = ExperimentPlan | WalkPlan | StandPlan
 
 #: a leg in the air, clear of its neighbours [rad]; assumed
 POSTURE = {"coxa": 0.0, "femur": 0.5, "tibia": -1.2}
@@ -65,6 +66,11 @@ class Scene:
         return (LEG,) if self.support == "suspended" else ()
 
     @property
+    def walks(self) -> bool:
+        """Whether the robot walks."""
+        return any(isinstance(group.plan, WalkPlan) for group in self.groups)
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """Joints that are recorded."""
         every = tuple(self.robot.by_joint)
@@ -101,6 +107,14 @@ def _walks(payload_kg: float) -> tuple[Group, ...]:
     )
 
 
+def _stands(payload_kg: float) -> tuple[Group, ...]:
+    return (
+        Group("squat", StandPlan("squat")),
+        Group("stretch", StandPlan("stretch")),
+        Group("sway-loaded-held-out", StandPlan("sway", payload_kg)),
+    )
+
+
 #: the scenes by name; the weights are those of the thesis's torque experiment
 SCENES: Mapping[str, Scene] = MappingProxyType(
     {
@@ -129,6 +143,22 @@ SCENES: Mapping[str, Scene] = MappingProxyType(
                 _walks(0.330),
                 ("straight-loaded-held-out",),
                 ("straight",),
+            ),
+            Scene(
+                "marvin-stand",
+                "marvin",
+                "ground",
+                _stands(0.092),
+                ("sway-loaded-held-out",),
+                ("squat", "stretch"),
+            ),
+            Scene(
+                "phantomx-stand",
+                "phantomx",
+                "ground",
+                _stands(0.330),
+                ("sway-loaded-held-out",),
+                ("squat", "stretch"),
             ),
         )
     }
@@ -170,12 +200,12 @@ def play(
     electrics: Electrics,
     robot: Robot | None = None,
     *,
-    volts: bool = False,
+    reads: Sequence[str] = (),
 ) -> Played:
     """Run a plan by the robot's own software over the emulated bus in virtual time.
 
-    ``robot`` is the scene's with another gait, where it shall walk one. With ``volts`` a walk reads
-    the voltage of one servo a cycle, by turns.
+    ``robot`` is the scene's with another gait, where it shall walk one. ``reads`` are registers
+    that are read beside the positions of a robot on its feet: of one servo a cycle, by turns.
     """
     robot = robot or scene.robot
     plant = Watched(robot, body, electrics)
@@ -189,20 +219,24 @@ def play(
             Steering(
                 seconds=plan.seconds, v_left=plan.v_left, v_right=plan.v_right, seed=plan.seed
             ),
-            _volts(session) if volts else None,
+            _by_turns(session, reads),
         )
+    elif isinstance(plan, StandPlan):
+        stand(session, plan, _by_turns(session, reads))
     else:
         _move(scene, session, plan)
     track, stands = (np.array(part) for part in zip(*seen, strict=True))
     return Played(session, plant, track, stands)
 
 
-def _volts(session: Session) -> Callable[[float], None]:
-    """Reads the voltage of the next servo whenever a cycle is over."""
+def _by_turns(session: Session, registers: Sequence[str]) -> Callable[[float], None]:
+    """Reads these registers of the next servo whenever a cycle is over."""
     ids = cycle(session.robot.by_id)
 
     def read(_: float) -> None:
-        session.client.read(next(ids), "present_voltage")
+        servo_id = next(ids)
+        for register in registers:
+            session.client.read(servo_id, register)
 
     return read
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bench.blind import Concealment
+from bench.blind.legged_case import LOAD, READS
 from bench.blind.rigs import RIGS
 from bench.blind.scenes import SCENES
 
@@ -161,11 +162,12 @@ def judge(
 
 
 def _sight(key: Mapping[str, Any]) -> Sight:
-    """What the data can show; robots that walk read positions, and voltages at most."""
+    """What the data can show."""
     if key["rig"] in SCENES:
-        only = key.get("style", POSITION_STYLE) == POSITION_STYLE
+        style = key.get("style", POSITION_STYLE)
         every = key["concealment"] != Concealment.RARE.value
-        return Sight(only, upright=False, all_feet=every, no_duty=True)
+        no_duty = LOAD not in READS.get(style, ())
+        return Sight(style == POSITION_STYLE, upright=False, all_feet=every, no_duty=no_duty)
     return Sight(key["style"] == POSITION_STYLE, RIGS[key["rig"]].upright)
 
 

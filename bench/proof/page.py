@@ -136,8 +136,10 @@ def _cases(cases: Sequence[Judged]) -> str:
 def _found_in(c: Judged) -> str:
     if c.place is None:
         return ""
-    told = c.place.told_phase or "no phase told"
-    return f"joints F1 {c.place.f1:.2f}; {told}, true {c.place.true_phase}"
+    found = f"joints F1 {c.place.f1:.2f}"
+    if not c.place.true_phase:
+        return found
+    return f"{found}; {c.place.told_phase or 'no phase told'}, true {c.place.true_phase}"
 
 
 def _right(c: Judged) -> str:

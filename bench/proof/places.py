@@ -20,7 +20,7 @@ class Place:
     f1: float  #: of the joints that named causes are in; without a cause, of the mismatch's
     mismatch_f1: float  #: of the joints that the mismatch lists
     everywhere: bool  #: what is hidden is in all joints: whoever says so is right
-    true_phase: str
+    true_phase: str  #: empty where nothing walks
     told_phase: str  #: empty where no mismatch is told
 
     @property
@@ -40,7 +40,7 @@ def place_of(
     """
     if not key["effects"]:
         return None
-    every = SCENES[key["rig"]].joints
+    every, stance = SCENES[key["rig"]].joints, key["stance_share"]
     hidden = {joint for effect in key["effects"] for joint in effect["joints"]}
     true = hidden | {joint for effect in key["ordinary"] for joint in effect["joints"]}
     listed = {joint for row in mismatch for joint in row["joints"]}
@@ -50,7 +50,7 @@ def place_of(
         f1=f1(named, hidden) if own_causes else of_mismatch,
         mismatch_f1=of_mismatch,
         everywhere=len(hidden) == len(every),
-        true_phase=phase_of(float(key["stance_share"])),
+        true_phase="" if stance is None else phase_of(float(stance)),
         told_phase=_told_phase(mismatch),
     )
 

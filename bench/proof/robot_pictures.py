@@ -32,8 +32,9 @@ def places(cases: Sequence[Judged]) -> Figure:
         x = c.ratio * math.exp(JITTER * random.standard_normal())
         colour = MEASURED if c.first_right or c.set_right else STOP if c.wrong else GOAL
         left.plot([x], [c.place.f1], "o", ms=4, color=colour, alpha=0.8)
-        y = float(c.place.phase_right) + JITTER * random.standard_normal()
-        right.plot([x], [y], "o", ms=4, color=colour, alpha=0.8)
+        if c.place.true_phase:
+            y = float(c.place.phase_right) + JITTER * random.standard_normal()
+            right.plot([x], [y], "o", ms=4, color=colour, alpha=0.8)
     for colour, label in (
         (MEASURED, "rightly named"),
         (GOAL, "nothing wrong named"),

@@ -1,4 +1,4 @@
-"""Which cases of whole robots a seed draws: scenes of the generator in which a robot walks.
+"""Which cases of whole robots a seed draws: of the generator's scenes of robots on their feet.
 
 As in :mod:`bench.proof.plan`, the cases of each kind stand in an order of which every beginning is
 balanced over scenes, effects, sizes and ways of concealment, as far as so few can be.
@@ -21,16 +21,17 @@ from .plan import Planned, case_seed
 T = TypeVar("T")
 
 #: scenes whose recordings a robot's diagnosis can use; of a leg on a stand only that leg is read
-WALKED = tuple(name for name, scene in SCENES.items() if scene.support == "ground")
+ON_FEET = tuple(name for name, scene in SCENES.items() if scene.support == "ground")
 #: at the softest plausible floor joints move by 0.8 and 1.4 x the floor of the two robots: too
 #: little to be asked for by name
 UNSEEN = frozenset({"ground_compliance"})
 HIDDEN = tuple(name for name in LEGGED if name not in UNSEEN)
 SIZES = (1.0, 2.0, 4.0, 6.0)  #: the generator meets them within a fifth
+SEEDS = 2  #: cases of each single effect of a size, in two scenes
 LARGER = (2.0, 4.0, 6.0)  #: of what is judged as a set or as unknown
 #: cases of each kind in a whole proof of robots; no stranger can be hidden in one
 NUMBERS = {
-    Kind.SINGLE: len(HIDDEN) * len(SIZES) * len(WALKED),
+    Kind.SINGLE: len(HIDDEN) * len(SIZES) * SEEDS,
     Kind.NULL: 40,
     Kind.PAIR: 20,
     Kind.DELETED: 10,
@@ -40,11 +41,18 @@ QUICK_EFFECTS = ("gain_error", "payload")
 QUICK_NUMBERS = {Kind.SINGLE: 1, Kind.NULL: 1}
 
 
-def robots(seed: int, cases: int, *, quick: bool = False) -> tuple[Planned, ...]:
-    """Cases of whole robots in the order they are diagnosed, shuffled."""
+def robots(
+    seed: int, cases: int, *, quick: bool = False, scenes: Sequence[str] = ON_FEET
+) -> tuple[Planned, ...]:
+    """Cases of whole robots in the order they are diagnosed, shuffled; ``scenes`` by turns.
+
+    Raises ``ValueError`` for a scene in which no robot is on its feet.
+    """
+    if unknown := sorted(set(scenes) - set(ON_FEET)):
+        raise ValueError(f"no robot is on its feet in {', '.join(unknown)}: {', '.join(ON_FEET)}")
     drawn: list[tuple[int, Asked]] = []
     for kind, number in _dealt(cases, QUICK_NUMBERS if quick else NUMBERS).items():
-        for index, asked in zip(range(number), _endless(seed, kind, quick), strict=False):
+        for index, asked in zip(range(number), _endless(seed, kind, quick, scenes), strict=False):
             drawn.append((case_seed(seed, f"robot {kind.value} {index}"), asked))
     order = np.random.default_rng([seed, 41]).permutation(len(drawn)).tolist()
     return tuple(
@@ -63,9 +71,9 @@ def _dealt(cases: int, numbers: dict[Kind, int]) -> dict[Kind, int]:
     return dealt
 
 
-def _endless(seed: int, kind: Kind, quick: bool) -> Iterator[Asked]:
+def _endless(seed: int, kind: Kind, quick: bool, scenes: Sequence[str]) -> Iterator[Asked]:
     random = np.random.default_rng([seed, 40, *kind.value.encode()])
-    scenes = _shuffled(random, WALKED)
+    scenes = _shuffled(random, scenes)
     names = _shuffled(random, QUICK_EFFECTS if quick else HIDDEN)
     sizes = _shuffled(random, SIZES if kind is Kind.SINGLE else LARGER)
     if quick:

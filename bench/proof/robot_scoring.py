@@ -72,7 +72,8 @@ def _f1(cases: Sequence[Judged]) -> Row:
 
 
 def _phase(cases: Sequence[Judged]) -> Row:
-    every = [(c.place, c.ratio >= AT_3) for c in cases if c.place is not None]
+    walked = [c for c in cases if c.place is not None and c.place.true_phase]
+    every = [(c.place, c.ratio >= AT_3) for c in walked if c.place is not None]
     return {
         **share(place.phase_right for place, large in every if large),
         "told_at_all": share(bool(place.told_phase) for place, large in every if large),
