@@ -66,9 +66,9 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    walking = [name for name, scene in SCENES.items() if scene.support == "ground"]
+    on_feet = [name for name, scene in SCENES.items() if scene.support == "ground"]
     reader.add_argument("--rig", default=JOINT, choices=RIGS, help="of one joint (%(default)s)")
-    reader.add_argument("--robot", choices=walking, help="that walks, in place of a rig")
+    reader.add_argument("--robot", choices=on_feet, help="on its feet, in place of a rig")
     reader.add_argument("--seed", type=int, default=7, help="of the case (%(default)s)")
     asked = reader.parse_args()
     rig, robot = asked.robot or asked.rig, asked.robot is not None

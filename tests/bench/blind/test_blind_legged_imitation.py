@@ -53,7 +53,7 @@ def case(*hidden: LeggedHidden, scene: str = "marvin-walk") -> LeggedCase:
         ordinary=(),
         nuisances=nuisances(),
         decoy={},
-        volts=False,
+        style="position",
     )
 
 

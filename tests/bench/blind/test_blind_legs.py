@@ -272,7 +272,7 @@ def test_leg_case_can_be_run_again_but_cannot_walk(short: Scene, tmp_path: Path)
     folder = write_case(tmp_path / "leg", 5, SECRET, Asked(kind="null", rig=short.name))
     plan = ExperimentPlan(motion("hold", center_rad=0.5, duration_s=0.5), joint=f"{LEG}.femur")
     assert rerun(folder, SECRET, plan).metadata["condition"]["joint"] == f"{LEG}.femur"
-    with pytest.raises(ValueError, match="on a stand and cannot walk"):
+    with pytest.raises(ValueError, match="neither stands nor walks"):
         rerun(folder, SECRET, WalkPlan())
 
 

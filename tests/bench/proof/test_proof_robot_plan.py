@@ -10,9 +10,9 @@ from bench.proof.plan import Planned, attempts, plan
 from bench.proof.robot_plan import (
     HIDDEN,
     NUMBERS,
+    ON_FEET,
     QUICK_EFFECTS,
     SIZES,
-    WALKED,
     robots,
 )
 
@@ -34,24 +34,31 @@ def test_the_whole_plan_has_at_least_the_numbers_of_the_contract():
     assert len({effects for effects, _ in grid}) == len(HIDDEN) >= 8
     assert {ratio for _, ratio in grid} == set(SIZES)
     assert len(SIZES) >= 4
-    assert set(grid.values()) == {len(WALKED)}  # two seeds of each, on two robots
+    assert set(grid.values()) == {2}  # two seeds of each, in two scenes
+    assert set(Counter(a.rig for a in singles).values()) == {len(singles) // len(ON_FEET)}
     assert len({(a.effects, a.ratio, a.rig) for a in singles}) == len(singles)
 
 
-def test_few_cases_are_of_the_commonest_kinds_and_on_both_robots():
+def test_few_cases_are_of_the_commonest_kinds_and_of_all_scenes():
     assert kinds(robots(3, 2)) == {Kind.SINGLE: 1, Kind.NULL: 1}
     assert len(robots(3, 7)) == 7
     twenty = robots(3, 20)
     assert set(kinds(twenty)) == set(NUMBERS)
     on = Counter(case.asked.rig for case in twenty)
-    assert set(on) == set(WALKED)
+    assert set(on) == set(ON_FEET)
     assert max(on.values()) - min(on.values()) <= 4
     assert robots(3, 0) == ()
 
 
 def test_a_scene_on_a_stand_is_left_out_as_only_one_leg_is_read_there():
-    assert "marvin-leg" not in WALKED
-    assert set(WALKED) == {"marvin-walk", "phantomx-walk"}
+    assert "marvin-leg" not in ON_FEET
+    assert set(ON_FEET) == {"marvin-walk", "phantomx-walk", "marvin-stand", "phantomx-stand"}
+
+
+def test_scenes_that_are_asked_for_are_the_only_ones():
+    assert {c.asked.rig for c in robots(3, 20, scenes=["phantomx-stand"])} == {"phantomx-stand"}
+    with pytest.raises(ValueError, match="no robot is on its feet in marvin-leg: marvin-walk"):
+        robots(3, 20, scenes=["marvin-leg", "marvin-walk"])
 
 
 def test_the_seed_alone_makes_the_plan():
