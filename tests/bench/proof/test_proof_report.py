@@ -158,6 +158,17 @@ def test_a_ratio_belongs_to_the_nearest_size(ratio, size):
     assert pictures.size_of(ratio) == size
 
 
+def test_a_scene_of_robots_can_be_asked_for_alone(tmp_path):
+    told = "--seed", "5", "--out", str(tmp_path / "x"), "--only-plan", "--cases", "0"
+    ran = prove(*told, "--robots", "9", "--scene", "phantomx-stand")
+    assert "9 cases of whole robots" in ran.stdout
+    ran = prove(*told, "--scene", "phantomx-stand")
+    assert ran.stderr == "busemu: --scene phantomx-stand: give --robots CASES as well\n"
+    ran = prove(*told, "--robots", "9", "--scene", "marvin-leg")
+    assert ran.returncode == 1
+    assert ran.stderr.startswith("busemu: --scene: no robot is on its feet in marvin-leg: marvin-")
+
+
 def test_the_surest_wrong_names_are_shown_first():
     hidden = effect("backlash", width_rad=(0.02, 0.0))
     cases: list[Judged] = [

@@ -19,8 +19,10 @@ from judged_cases import (
 from sealed_cases import small_proof
 
 from bench.proof import report
+from bench.proof.page import _found_in
 from bench.proof.report import write_score
 from bench.proof.robot_pictures import draw_robots
+from bench.proof.robot_pictures import places as draw_places
 from bench.proof.robot_scoring import GOALS, place_rows, robot_score
 from bench.proof.scoring import GOALS as JOINT_GOALS
 from bench.proof.table import line
@@ -84,6 +86,18 @@ def test_phases_are_a_share_of_cases(cases):
     assert row["told_at_all"]["value"] == 0.75
     assert row["at_all_sizes"]["value"] == pytest.approx(2 / 5)
     assert row["met"] == "no"
+
+
+def test_a_robot_that_stands_has_joints_and_no_phase(cases):
+    stands = robot_key("single", mass(6.0), rig="marvin-stand", stance_share=None)
+    told = robot_diagnosis(placed("link_mass", TIBIAS), places=STANDS)
+    more = [*cases, judged(stands, told, "robot-7")]
+    rows, before = place_rows(more), place_rows(cases)
+    assert rows["joint_group_f1"]["n"] == before["joint_group_f1"]["n"] + 1
+    assert rows["phase_right"] == before["phase_right"]
+    assert _found_in(more[-1]) == "joints F1 1.00"
+    assert _found_in(more[0]) == "joints F1 1.00; stance, true stance"
+    assert len(draw_places(more).axes[1].lines) == len(draw_places(cases).axes[1].lines)
 
 
 def test_sizes_of_a_walk_without_standing_up_are_counted_beside_the_rows():
