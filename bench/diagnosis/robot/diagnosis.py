@@ -312,6 +312,7 @@ class Work:
             what = {
                 RobotKind.JOINTS: "all joints",
                 RobotKind.HEIGHT: "the trunk's height [m]",
+                RobotKind.LEAN: "how the trunk leans about its mean [rad]",
                 RobotKind.VOLTAGE: "the supply at the servos [V]",
                 RobotKind.DUTY: "duties of joints that stand or move slowly",
             }

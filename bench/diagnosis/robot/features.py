@@ -21,6 +21,7 @@ from sim.tree import PhysicalRobot
 
 from ..observed import held_at
 from .gait import Bins, Phase, commanded_lift, gait_phase
+from .leaning import AXES, rows_of
 from .regulated import LEVELS, Regulated
 from .replay import SETTLE_S, Course, Span, Track, loaded
 from .shaking import PHASES, Shaking
@@ -41,22 +42,36 @@ class RobotKind(enum.Enum):
 
     JOINTS = "joints"
     HEIGHT = "height"  #: of the trunk over where it began, where an observer recorded it
+    LEAN = "lean"  #: of the trunk about two axes, where somebody recorded it
     VOLTAGE = "voltage"  #: of the supply, where servos' registers of it were read
     SHAKING = "shaking"  #: of joints from sample to sample, as a logarithm
     DUTY = "duty"  #: of laws along recorded angles that hardly change, where loads were read
 
 
 #: what is compared by its means
-MEANS = (RobotKind.JOINTS, RobotKind.HEIGHT, RobotKind.VOLTAGE, RobotKind.DUTY)
+MEANS = (
+    RobotKind.JOINTS,
+    RobotKind.HEIGHT,
+    RobotKind.LEAN,
+    RobotKind.VOLTAGE,
+    RobotKind.DUTY,
+)
 
 
 def by_kind(
-    angle_rad: Floats, height_m: Floats, voltage_v: Floats, shaken: Floats, duty: Floats
+    angle_rad: Floats,
+    height_m: Floats,
+    lean_rad: Floats,
+    voltage_v: Floats,
+    shaken: Floats,
+    duty: Floats,
 ) -> dict[RobotKind, Floats]:
     """Rows by kind, without channels that nobody watched."""
     found = {RobotKind.JOINTS: angle_rad, RobotKind.SHAKING: shaken, RobotKind.DUTY: duty}
     if len(height_m):
         found[RobotKind.HEIGHT] = height_m
+    if len(lean_rad):
+        found[RobotKind.LEAN] = lean_rad
     if len(voltage_v):
         found[RobotKind.VOLTAGE] = voltage_v
     return found
@@ -67,6 +82,7 @@ class Means(NamedTuple):
 
     angle_rad: Floats
     height_m: Floats
+    lean_rad: Floats
     voltage_v: Floats
     shaken: Floats
 
@@ -91,6 +107,8 @@ class Features:
     stance: NDArray[np.bool_]  #: whether the leg of the row's joint is commanded to stand
     height_bins: Bins | None
     height_m: Floats
+    lean_bins: Bins | None
+    lean_rad: Floats  #: as rows of :mod:`.leaning`
     voltage_bins: Bins | None
     voltage_v: Floats
     shaking: Shaking
@@ -125,9 +143,10 @@ class Features:
         shaking = Shaking.of(
             course.sample_s, course.position_rad, lifted, walks, course.quantum_rad
         )
-        seen, volts = course.height, course.voltage
-        height_bins = None if seen is None else _bins(phase, seen[0])
-        voltage_bins = None if volts is None else _bins(phase, volts[0])
+        seen, lean, volts = course.height, course.lean, course.voltage
+        height_bins, lean_bins, voltage_bins = (
+            None if watched is None else _bins(phase, watched[0]) for watched in (seen, lean, volts)
+        )
         return cls(
             course=course,
             phase=phase,
@@ -141,6 +160,10 @@ class Features:
             stance=rows([up.astype(np.float64) for up in lifted]) < 0.5,
             height_bins=height_bins,
             height_m=_mean(height_bins, None if seen is None else _risen(*seen)),
+            lean_bins=lean_bins,
+            lean_rad=np.empty(0)
+            if lean_bins is None or lean is None
+            else rows_of([lean_bins.mean(angle) for angle in lean[1].T]),
             voltage_bins=voltage_bins,
             voltage_v=_mean(voltage_bins, None if volts is None else volts[1]),
             shaking=shaking,
@@ -169,7 +192,7 @@ class Features:
     @property
     def recorded(self) -> dict[RobotKind, Floats]:
         """Rows as they were recorded, by kind."""
-        own = self.position_rad, self.height_m, self.voltage_v, self.shaken
+        own = self.position_rad, self.height_m, self.lean_rad, self.voltage_v, self.shaken
         return by_kind(*own, self.regulated.recorded)
 
     @property
@@ -212,7 +235,12 @@ class Features:
                 (self.voltage_bins, self.course.voltage, track.voltage_v),
             )
         )
-        return Means(found, height, volts, shaken)
+        lean = np.empty(0)
+        if self.lean_bins is not None and self.course.lean is not None:
+            bins, seen_s = self.lean_bins, self.course.lean[0]
+            angles = [self._watched(bins, seen_s, track, of) for of in track.lean_rad.T]
+            lean = rows_of(angles)
+        return Means(found, height, lean, volts, shaken)
 
     def _watched(self, bins: Bins, seen_s: Floats, track: Track, value: Floats) -> Floats:
         """Means of what a replay shows now and then, at the instants that somebody looked.
@@ -283,6 +311,7 @@ class Features:
         rows = {
             RobotKind.JOINTS: self.joint_row,
             RobotKind.HEIGHT: np.full(len(self.height_m), -1),
+            RobotKind.LEAN: np.full(len(self.lean_rad), -1),
             RobotKind.VOLTAGE: np.full(len(self.voltage_v), -1),
             RobotKind.SHAKING: np.arange(len(self.shaken)) // len(PHASES),
             RobotKind.DUTY: np.arange(len(self.regulated.recorded)) // LEVELS,
@@ -301,15 +330,17 @@ class Features:
             RobotKind.JOINTS: number[other.joint_row, other.bin],
             RobotKind.DUTY: np.arange(len(self.regulated.recorded)),
         }
-        for kind, mine, theirs in (
-            (RobotKind.HEIGHT, self.height_m, other.height_m),
-            (RobotKind.VOLTAGE, self.voltage_v, other.voltage_v),
-            (RobotKind.SHAKING, self.shaken, other.shaken),
+        for kind, mine, theirs, parts in (
+            (RobotKind.HEIGHT, self.height_m, other.height_m, 1),
+            (RobotKind.LEAN, self.lean_rad, other.lean_rad, AXES),
+            (RobotKind.VOLTAGE, self.voltage_v, other.voltage_v, 1),
+            (RobotKind.SHAKING, self.shaken, other.shaken, 1),
         ):
             if bool(len(mine)) != bool(len(theirs)) or len(theirs) > len(mine):
                 return None
             if len(theirs):
-                rows[kind] = np.arange(len(theirs))
+                part, own = np.arange(len(theirs) // parts), len(mine) // parts
+                rows[kind] = np.concatenate([k * own + part for k in range(parts)])
         return rows if rows[RobotKind.JOINTS].min() >= 0 else None
 
 

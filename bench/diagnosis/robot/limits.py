@@ -37,10 +37,10 @@ def limits(
             "nobody read a voltage: a weak motor, a low supply and a low gain are hard to tell "
             "apart; read present_voltage of one servo a cycle, by turns"
         )
-    if RobotKind.HEIGHT not in model.floors():
+    if not {RobotKind.HEIGHT, RobotKind.LEAN} & set(model.floors()):
         said.append(
             "nobody watched the trunk: what gives way under the feet is seen by what joints "
-            "do about it only; mocap/base_z_m shows it directly"
+            "do about it only; mocap/base_z_m shows it directly, or imu/roll_rad and imu/pitch_rad"
         )
     weights = {
         float(f.course.condition.get("payload_kg", f.course.condition.get("trunk_load_kg", 0)))

@@ -25,6 +25,7 @@ from ..noise import Block
 from .curves import Curves, Rows
 from .effects import Placed, placed_effects
 from .features import APART_S, Features, RobotKind, by_kind, first_of, shown_by
+from .leaning import AXES, nearest, turned
 from .nuisances import RobotNuisance, nuisances, replayable, trials
 from .pool import Job, Outcome, Replays
 from .regulated import DUTY_FLOOR
@@ -47,6 +48,7 @@ ENGINES_RAD = 1.0e-3
 #: other engine, fits leave 0.6 mrad of a PhantomX (rounding and all) and 1.0 mrad of a Marvin
 LEAST_NOISE_RAD = 0.5e-3
 HEIGHT_FLOOR_M = 2e-4  #: of an observer's height; assumed of motion capture
+LEAN_FLOOR_RAD = 1e-3  #: of a mean of a trunk's lean; assumed of an inertial sensor
 #: of a mean of the servos' voltage registers: half a count of 0.1 V, and how a model's current
 #: differs within a gait; assumed
 VOLTAGE_FLOOR_V = 0.05
@@ -64,8 +66,8 @@ class Observed:
 
 def rows_of(outcome: Outcome) -> Rows:
     """The rows of a replay by kind."""
-    own = outcome.angle_rad, outcome.height_m, outcome.voltage_v, outcome.shaken
-    return by_kind(*own, outcome.duty)
+    watched = outcome.height_m, outcome.lean_rad, outcome.voltage_v
+    return by_kind(outcome.angle_rad, *watched, outcome.shaken, outcome.duty)
 
 
 def _rattles(job: Job) -> bool:
@@ -141,7 +143,18 @@ class RobotModel:
         for m, square in self._chance.items():
             self.spread[m][RobotKind.JOINTS] += square
         self._data = [f.recorded for f in self.features]
+        self._face(self._every)
         self._extra = [self._variance(r) for r in self._every]
+
+    def _face(self, which: Iterable[int]) -> None:
+        """Take recorded leans for those of the robot that exact replays of some come nearest to."""
+        every = {r: f.lean_rad for r, f in enumerate(self.features) if len(f.lean_rad)}
+        some = [r for r in which if r in every]
+        if some:
+            told = [self.centre[r][RobotKind.LEAN] for r in some]
+            turn = nearest([every[r] for r in some], told)
+            for r, rows in every.items():
+                self._data[r][RobotKind.LEAN] = turned(rows, turn)
 
     @property
     def _every(self) -> range:
@@ -235,6 +248,8 @@ class RobotModel:
         }
         if any(len(f.height_m) for f in self.features):
             floors[RobotKind.HEIGHT] = HEIGHT_FLOOR_M
+        if any(len(f.lean_rad) for f in self.features):
+            floors[RobotKind.LEAN] = LEAN_FLOOR_RAD
         if any(len(f.voltage_v) for f in self.features):
             floors[RobotKind.VOLTAGE] = VOLTAGE_FLOOR_V
         if any(np.isfinite(f.regulated.recorded).any() for f in self.features):
@@ -286,6 +301,7 @@ class RobotModel:
             self._centred_on[r] = told[0], at
             (self._exact[r],) = self.replays.run([Job(leader, told[0], nuisances=told[1])])
             self.traces[r] = self._read(self.traces[r], r)
+        self._face(first)
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
     def ahead(
@@ -353,6 +369,8 @@ class RobotModel:
         bins = {RobotKind.HEIGHT: features.height_bins, RobotKind.VOLTAGE: features.voltage_bins}
         if kind is RobotKind.JOINTS:
             times = features.t_s
+        elif kind is RobotKind.LEAN and features.lean_bins is not None:
+            times = np.concatenate([k * APART_S + features.lean_bins.t_s for k in range(AXES)])
         elif (own := bins.get(kind)) is not None:
             times = own.t_s
         else:

@@ -23,14 +23,16 @@ from ..noise import Noise
 from ..result import NextExperiment
 from .features import MEANS, RobotKind
 from .fit import DUTY_NOISE, RobotFit, Sight, voltage_noise
-from .model import HEIGHT_FLOOR_M, RobotModel
-from .replay import Course
+from .leaning import AXES
+from .model import HEIGHT_FLOOR_M, LEAN_FLOOR_RAD, RobotModel
+from .replay import LEANS, Course
 
 Floats = NDArray[np.float64]
 
 HEAVIER = 0.15  #: of the robot's mass: a weight to put on its trunk; assumed
 WATCH_S = 0.02  #: between two looks at the trunk's height, at a voltage, or at a load of any servo
-MEMORY_S = 0.1  #: of a height's noise; assumed
+MEMORY_S = 0.1  #: of a height's noise, and of a lean's; assumed
+LEAN_LEVEL_RAD = 3e-3  #: of a lean that tolerances of joints make, which no trace foretells
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +46,7 @@ class RobotChoice:
 
 def menu(model: RobotModel) -> list[RobotChoice]:
     """What can be done with the first walk that was recorded."""
-    told = replace(model.features[0].course, height=None)
+    told = replace(model.features[0].course, height=None, lean=None)
     weight = round(HEAVIER * model.base.mass_kg, 3)
     before = float(told.condition.get("trunk_load_kg", told.condition.get("payload_kg", 0.0)))
     heavier = {k: v for k, v in told.condition.items() if k != "payload_kg"}
@@ -68,6 +70,10 @@ def menu(model: RobotModel) -> list[RobotChoice]:
             told, name="watched", group="watched", height=(times, np.zeros(len(times)))
         )
         choices.append(RobotChoice("locomotion", {"observe": "mocap/base_z_m"}, watched))
+    if all(f.course.lean is None for f in model.features):
+        leans = np.zeros((len(times), AXES))
+        sensed = replace(told, name="sensed", group="sensed", lean=(times, leans))
+        choices.append(RobotChoice("locomotion", {"observe": ", ".join(LEANS[0])}, sensed))
     if all(f.course.voltage is None for f in model.features):
         read = replace(told, name="read", group="read", voltage=(times, np.zeros(len(times))))
         choices.append(RobotChoice("locomotion", {"read": "present_voltage"}, read))
@@ -103,6 +109,7 @@ def next_experiments(
     apart = {}
     with RobotModel(model.base, robot, [choice.course for choice in choices]) as imagined:
         noise = {RobotKind.HEIGHT: watched, RobotKind.VOLTAGE: voltage_noise(imagined, 1)}
+        noise[RobotKind.LEAN] = Noise(LEAN_FLOOR_RAD, LEAN_LEVEL_RAD, MEMORY_S)
         noise[RobotKind.DUTY] = DUTY_NOISE
         noise |= dict(named.noise)
         for rival, other in rivals.items():

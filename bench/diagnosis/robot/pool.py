@@ -49,6 +49,7 @@ class Outcome:
 
     angle_rad: Floats
     height_m: Floats
+    lean_rad: Floats
     voltage_v: Floats
     shaken: Floats
     duty: Floats
@@ -64,7 +65,7 @@ ROWS = tuple(field.name for field in fields(Outcome))
 def _key(robot: Robot, course: Course) -> str:
     """A hash of all that a replay of a recording depends on, but the job."""
     arrays = [*course.sample_s, *course.wait_s, *course.position_rad]
-    arrays += [*(course.height or ()), *(course.voltage or ())]
+    arrays += [*(course.height or ()), *(course.lean or ()), *(course.voltage or ())]
     arrays += [part for told in course.duty for part in told]
     goals = [part for goal in course.goals.values() for part in goal]
     told = sorted(course.condition.items(), key=str)
@@ -100,10 +101,11 @@ class _Bench:
             track = play(robot, found.course, jitter, found.span if job.short else None)
         except PhysicsError:
             lost = np.full(len(found.bin), np.nan)
-            own = (found.height_m, found.voltage_v, found.shaken, found.regulated.recorded)
+            watched = found.height_m, found.lean_rad, found.voltage_v
+            own = (*watched, found.shaken, found.regulated.recorded)
             others = [np.full(len(x), np.nan) for x in own]
-            height, volts, shaken, duty = others
-            return Outcome(lost, height, volts, shaken, duty, lost, lost, lost, lost)
+            height, lean, volts, shaken, duty = others
+            return Outcome(lost, height, lean, volts, shaken, duty, lost, lost, lost, lost)
         means = (*found.of_track(track), found.regulated.rows(robot))
         if job.short:
             none = np.empty(0)

@@ -26,6 +26,12 @@ from ..observed import Channel, held_at, shown_by
 Floats = NDArray[np.float64]
 
 HEIGHT = "mocap/base_z_m"  #: of the trunk; other outside channels depend on where one stands
+#: how a trunk leans, by a sensor on it or by an observer: two angles about level axes
+LEANS = (
+    ("imu/roll_rad", "imu/pitch_rad"),
+    ("mocap/base_roll_rad", "mocap/base_pitch_rad"),
+)
+OWN_LEAN = LEANS[1]  #: as the model's observer has them
 VOLTAGES = ("present_voltage", "present_input_voltage")  #: registers of the supply's voltage
 BASE_EVERY = 10  #: ticks between two looks at the trunk, the supply and the feet
 LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
@@ -56,6 +62,8 @@ class Course:
     quantum_rad: float
     goals: Mapping[str, tuple[Floats, Floats]]
     height: tuple[Floats, Floats] | None  #: times [s] and heights [m] of the trunk, if observed
+    #: times [s] and angles [rad] (instants, 2) of how the trunk leans, if observed
+    lean: tuple[Floats, Floats] | None = None
     #: times [s] and voltages [V] that servos had at their terminals, all of them, if any was read
     voltage: tuple[Floats, Floats] | None = None
     #: times [s] and duties that loads' registers told, joint by joint, in the servo's own sense
@@ -121,6 +129,7 @@ def course(recording: Recording, robot: Robot) -> Course:
         quantum_rad=max(abs(t["present_position"].si_scale) for t in robot.tables.values()),
         goals={joint: (track.goal_t_s - origin, track.goal_rad) for joint, track in tracks.items()},
         height=(watched.t_sample_s - origin, watched.value) if len(watched.value) else None,
+        lean=_lean(recording, origin),
         voltage=_voltage(recording, robot, origin),
         duty=tuple(_duty(recording, robot, mount, origin) for mount in robot.servos),
     )
@@ -150,6 +159,16 @@ def _voltage(recording: Recording, robot: Robot, origin_s: float) -> tuple[Float
         return None
     order = np.argsort(times, kind="stable")
     return times[order], np.concatenate([series.value for series in found])[order]
+
+
+def _lean(recording: Recording, origin_s: float) -> tuple[Floats, Floats] | None:
+    """Times [s] and angles [rad] (instants, 2) of the trunk about two axes, if both were seen."""
+    for names in LEANS:
+        one, other = (recording.observed(name) for name in names)
+        if min(len(one.value), len(other.value)) >= LEAST_SAMPLES:
+            beside = np.interp(one.t_sample_s, other.t_sample_s, other.value)
+            return one.t_sample_s - origin_s, np.stack([one.value, beside], axis=1)
+    return None
 
 
 def _duty(
@@ -186,9 +205,9 @@ Span = tuple[float, float]  #: of a course [s]
 class Track:
     """A replay: sensed joint angles every tick (ticks, joints), and what was looked at meanwhile.
 
-    ``height_m`` are heights of the trunk at ``look_t_s``, none where nobody asks, ``voltage_v``
-    what drives had then, their mean; ``stands`` (looks, legs) is whether a foot pressed on the
-    ground. ``rest_m`` is the height of the trunk
+    ``height_m`` are heights of the trunk at ``look_t_s`` and ``lean_rad`` (looks, 2) its roll and
+    pitch, none where nobody asks, ``voltage_v`` what drives had then, their mean; ``stands``
+    (looks, legs) is whether a foot pressed on the ground. ``rest_m`` is the height of the trunk
     before it moved. ``span`` are the instants of the course at which the replay says something: not
     before it has settled, where it began in the middle.
     """
@@ -196,6 +215,7 @@ class Track:
     angle_rad: Floats
     look_t_s: Floats
     height_m: Floats
+    lean_rad: Floats
     voltage_v: Floats
     stands: NDArray[np.bool_]
     rest_m: float
@@ -230,14 +250,13 @@ class Jitter:
 class _Stage(SteppedPlant):
     """A plant that is told drive columns and remembers every tick."""
 
-    def play(
-        self, course: Course, feet: Sequence[str], base: bool, rest_m: float, span: Span | None
-    ) -> Track:
+    def play(self, course: Course, feet: Sequence[str], rest_m: float, span: Span | None) -> Track:
         """Run a course from its beginning, or a span of it; ``feet`` are the bodies they are of."""
+        watched = course.height is not None or course.lean is not None
         from_s, to_s = span or (0.0, course.end_s)
         ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
         sensed = np.empty((ticks, len(self._names)))
-        heights, volts, stands = [], [], []
+        heights, leans, volts, stands = [], [], [], []
         # a command acts from the first tick after it, as behind the bus
         acts_s = _acts_s(course.events, self._delays_s) + LATE_S - from_s
         due = np.floor(acts_s / TICK_S + 1e-6).astype(int) + 1
@@ -255,16 +274,19 @@ class _Stage(SteppedPlant):
                 ground = self._engine.contacts().ground_n
                 stands.append([ground.get(foot, 0.0) > 0.0 for foot in feet])
                 volts.append(float(self.bank.states[fields.VOLTAGE].mean()))
-                if base:
-                    heights.append(self._engine.observe()[HEIGHT])
+                if watched:
+                    seen = self._engine.observe()
+                    heights.append(seen[HEIGHT])
+                    leans.append([seen[name] for name in OWN_LEAN])
             for _ in range(self._steps_per_tick):
                 self._step()
         times = from_s + np.arange(len(stands), dtype=np.float64) * (BASE_EVERY * TICK_S)
         settled = from_s + SETTLE_S if span else -np.inf
         angles = self._as_sensed(sensed)
         told = settled, to_s if span else np.inf
-        seen = np.array(heights), np.array(volts), np.array(stands, bool)
-        return Track(angles, times, *seen, rest_m, from_s, told)
+        lean = np.reshape(leans, (-1, len(OWN_LEAN)))
+        looked = np.array(heights), lean, np.array(volts), np.array(stands, bool)
+        return Track(angles, times, *looked, rest_m, from_s, told)
 
     def _as_sensed(self, joint_rad: Floats) -> Floats:
         """What the servos' sensors make of the joints' angles, in the joints' frame."""
@@ -317,7 +339,7 @@ def play(
         world.set_step(TICK_S / steps)
         stage = _Stage(robot, world, steps_per_tick=steps, substeps=SUBSTEPS)
         feet = [f"{leg.name}.{SEGMENTS[-1]}" for leg in robot.legs]
-        return stage.play(course, feet, course.height is not None, rest, span)
+        return stage.play(course, feet, rest, span)
     finally:
         world.close()
 

@@ -174,12 +174,15 @@ def test_gains_of_a_step_are_divided_by_one_inflation():
 def test_the_menu_is_the_recorded_walk_heavier_held_watched_and_with_registers_read():
     features = [SimpleNamespace(course=walked())]
     choices = menu(SimpleNamespace(features=features, base=believed()))
-    heavier, held, watched, read, loads = choices
+    heavier, held, watched, sensed, read, loads = choices
     assert heavier.course.condition["trunk_load_kg"] == pytest.approx(
         HEAVIER * believed().mass_kg, abs=1e-3
     )
     assert held.course.condition["support"] == "suspended"
     assert watched.course.height is not None
+    assert sensed.arguments == {"observe": "imu/roll_rad, imu/pitch_rad"}
+    assert sensed.course.lean[1].shape == (len(watched.course.height[0]), 2)
+    assert [c.course.lean is None for c in choices] == [c is not sensed for c in choices]
     assert read.course.voltage is not None
     assert read.arguments == {"read": "present_voltage"}
     assert loads.arguments == {"read": "present_load"}
@@ -195,6 +198,11 @@ def test_nobody_is_told_to_read_a_register_that_was_read():
     duty = (nothing, (np.arange(3.0), np.full(3, 0.1)), *[nothing] * 16)
     seen = replace(walked(), voltage=(np.arange(3.0), np.full(3, 7.4)), duty=duty)
     choices = menu(SimpleNamespace(features=[SimpleNamespace(course=seen)], base=believed()))
+    assert sum("observe" in choice.arguments for choice in choices) == 2
+    leant = replace(seen, height=(np.arange(3.0),) * 2, lean=(np.arange(3.0), np.zeros((3, 2))))
+    others = menu(SimpleNamespace(features=[SimpleNamespace(course=leant)], base=believed()))
+    assert not any("observe" in choice.arguments for choice in others)
+    assert all(choice.course.lean is None for choice in others)
     assert not any("read" in choice.arguments for choice in choices)
     assert all(choice.course.voltage is seen.voltage for choice in choices)
     assert all(choice.course.duty is duty for choice in choices)
@@ -203,8 +211,8 @@ def test_nobody_is_told_to_read_a_register_that_was_read():
 def test_walks_are_proposed_that_tell_a_name_from_rivals_that_follow_as_recordings_let_them(
     monkeypatch,
 ):
-    """Five walks of two rows: joints can follow in the first, and no more where they are held."""
-    apart = {NEAR: [(9.0, 0.0), (0.0, 2.0), *[(0.0, 0.0)] * 3], FAR: [(0.0, 6.0)] * 5}
+    """Six walks of two rows: joints can follow in the first, and no more where they are held."""
+    apart = {NEAR: [(9.0, 0.0), (0.0, 2.0), *[(0.0, 0.0)] * 4], FAR: [(0.0, 6.0)] * 6}
 
     class Seen:
         def __init__(self, model, which, kinds):
