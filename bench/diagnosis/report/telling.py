@@ -378,4 +378,5 @@ def in_its_unit(value: float, kind: str) -> str:
     """A deviation of a channel, in the unit people know it by."""
     if kind == "duty":
         return f"{number(100.0 * value, 2)} %"
-    return degrees(value) if kind == "position" else quantity(value, UNITS.get(kind, ""))
+    unit = UNITS.get(kind, "")
+    return degrees(value) if unit == "rad" else quantity(value, unit)

@@ -126,7 +126,9 @@ STATES: Mapping[str, str] = MappingProxyType(
 PATHS: Mapping[str, str] = MappingProxyType(
     {"position": "motion", "duty": "controller", "voltage": "supply"}
 )
-UNITS: Mapping[str, str] = MappingProxyType({"position": "rad", "duty": "(ratio)", "voltage": "V"})
+UNITS: Mapping[str, str] = MappingProxyType(
+    {"position": "rad", "duty": "(ratio)", "voltage": "V", "height": "m", "lean": "rad"}
+)
 
 
 def plain(name: str) -> str:

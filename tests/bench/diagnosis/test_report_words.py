@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from bench.diagnosis.report.telling import named
+from bench.diagnosis.report.telling import measured, named
 from bench.diagnosis.report.words import in_few, number
 
 SEGMENTS = ("coxa", "femur", "tibia")
@@ -58,3 +58,18 @@ def test_a_cause_in_one_direction_is_told_with_it(parameters, told):
         effect="com_offset", scope=["trunk"], parameters=dict.fromkeys(parameters)
     )
     assert named(cause) == told
+
+
+@pytest.mark.parametrize(
+    ("channel", "value", "told"),
+    [
+        ("position", 0.01, "0.573°"),
+        ("lean", 0.01, "0.573°"),
+        ("height", 0.01, "0.01 m"),
+        ("voltage", 0.2, "0.2 V"),
+        ("duty", 0.2, "20 %"),
+        ("shaking", 0.2, "0.2 "),
+    ],
+)
+def test_a_deviation_is_told_in_the_unit_of_its_channel(channel, value, told):
+    assert measured({"channel": channel, "rms_after": value}, "rms_after") == told
