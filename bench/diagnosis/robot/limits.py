@@ -71,11 +71,13 @@ def without_gait(model: RobotModel) -> tuple[str, ...]:
         return ()
     names = ", ".join(model.features[r].course.name for r in standing)
     chance_rad = float(np.sqrt(np.mean(np.concatenate([model.chance(r) for r in standing]))))
+    loads = RobotKind.DUTY in model.floors()
+    alike = "a weak motor" if loads else "a weak motor, a low gain"
     return (
         f"no gait in {names}: where feet slip and stick, and where a robot that stands comes to "
-        f"rest, is chance, here {chance_rad * 1e3:.1f} mrad within tolerances; a weak motor, a low "
-        "gain and a heavy trunk look alike there, so that a robot may be called consistent that is "
-        f"not: let it walk{'' if RobotKind.DUTY in model.floors() else READ_LOADS}",
+        f"rest, is chance, here {chance_rad * 1e3:.1f} mrad within tolerances; {alike} and a heavy "
+        "trunk look alike there, so that a robot may be called consistent that is not: let it "
+        f"walk{'' if loads else READ_LOADS}",
     )
 
 

@@ -365,3 +365,4 @@ def test_the_answer_says_how_far_duties_are_off_and_what_shows_a_gain():
             features=[features], chance=lambda r: np.ones(3), floors=lambda f=floors: f
         )
         assert ("present_load of one servo" in without_gait(model)[0]) is asked
+        assert ("a low gain" in without_gait(model)[0]) is asked
