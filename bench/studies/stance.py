@@ -4,8 +4,9 @@ The thesis's Marvin had systematic errors of femur and tibia while its feet stoo
 from compliance or from rubber tips, and left it open. Here eight robots on another engine have
 either, both or none of them, beside all that is never as believed. Each walks three times, twice
 under its own load and once under the other, and ``busemu diagnose`` is given the three recordings
-of the joints' registers alone. Of a run that is undecided then the height of the trunk is given
-beside them; and of one that is undecided still, walks with the tips off are diagnosed first.
+of the joints' registers alone. Of a run that is undecided then how the trunk leans is given beside
+them, by an inertial sensor; of one that is undecided still, the height of the trunk; and at last
+walks with the tips off are diagnosed first.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from busemu.tables import Robot, load_robot
 
 from .stance_figures import summary_figure
 from .stance_page import write_page
-from .stance_runs import BARE, HEIGHT, SCENE, Cause, Run, draw_runs, key_of, only, record
+from .stance_runs import BARE, HEIGHT, IMU, SCENE, Cause, Run, draw_runs, key_of, only, record
 
 Progress = Callable[[str], None]
 
@@ -64,6 +65,7 @@ JOINTS = Part("joints")
 #: each is asked of runs that are undecided with the one before
 PARTS = (
     JOINTS,
+    Part("joints and inertial sensor", frozenset(IMU)),
     Part("joints and height", frozenset({HEIGHT})),
     Part("joints and tips off", bare=True),
 )

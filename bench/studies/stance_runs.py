@@ -34,6 +34,7 @@ BARE = "tips-off"  #: recordings of the same robot without its tips
 TIPS_N_M = (500.0, 1500.0)
 JOINTS_RAD_NM = (0.2, 0.5)
 HEIGHT = "mocap/base_z_m"
+IMU = ("imu/roll_rad", "imu/pitch_rad")  #: of an inertial sensor on the trunk
 
 
 class Cause(enum.Enum):
@@ -154,7 +155,7 @@ def record(run: Run, plan: WalkPlan, name: str, *, bare: bool = False) -> Record
     scene = SCENES[SCENE]
     whole = specimen(run, plan, bare=bare)
     played = play(scene, plan, whole.body, whole.electrics)
-    return recording_of(scene.robot, played, name, plan.payload_kg)
+    return recording_of(scene.robot, played, name, plan.payload_kg, (HEIGHT, *IMU))
 
 
 def recording_of(

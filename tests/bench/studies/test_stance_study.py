@@ -6,17 +6,20 @@ from types import SimpleNamespace
 import pytest
 
 from bench.diagnosis.robot.effects import placed_effects
+from bench.motions import WalkPlan
 from bench.recording import Recording
 from bench.studies import stance
 from bench.studies.stance import CONTACT_CLASS, JOINT_CLASS, JOINTS, PARTS, Answer, scored, study
 from bench.studies.stance_runs import (
     BARE,
     HEIGHT,
+    IMU,
     LOADS_KG,
     Cause,
     draw_runs,
     key_of,
     only,
+    record,
     specimen,
 )
 from busemu.tables import load_robot
@@ -132,7 +135,7 @@ def test_the_score_counts_words_and_classes():
 
 
 def test_registers_beside_those_of_servos_are_given_only_where_they_are_asked_for():
-    names = ["present_position", HEIGHT, "imu/gyro_x"]
+    names = ["present_position", HEIGHT, IMU[0]]
     rows = [
         SimpleNamespace(t_s=t, t_reply_s=t, servo_id=servo, op="read", register=name, raw=raw)
         for t, servo, name, raw in zip(
@@ -142,7 +145,15 @@ def test_registers_beside_those_of_servos_are_given_only_where_they_are_asked_fo
     recording = Recording.of(rows, {"name": "walk", "robot": "marvin", "source": "emulator"})
     assert only(recording, ()).registers == ("present_position",)
     assert only(recording, {HEIGHT}).registers == (HEIGHT, "present_position")
+    assert only(recording, IMU).registers == (IMU[0], "present_position")
     assert only(recording, {HEIGHT}).metadata == recording.metadata
+
+
+def test_what_parts_give_beside_the_joints_is_recorded():
+    recording = record(draw_runs(1)[0], WalkPlan(seconds=0.3), "walk")
+    for part in PARTS:
+        seen = only(recording, part.beside)
+        assert {name for name in seen.registers if "/" in name} == part.beside
 
 
 PROPOSAL = {
@@ -184,22 +195,25 @@ def test_a_run_that_is_undecided_is_asked_with_more_and_then_walks_with_its_tips
     sound, both = ([run for run in runs if run.cause is c] for c in (Cause.NEITHER, Cause.BOTH))
     told |= {f"{run.name}/joints": document(verdict="consistent") for run in sound}
     soft = [run for run in runs if run not in sound]
-    told |= {f"{run.name}/joints-and-height": TIPS_FOUND for run in soft if run not in both}
+    seen, *rest = (run for run in soft if run not in both)
+    told |= {f"{seen.name}/joints-and-inertial-sensor": TIPS_FOUND}
+    told |= {f"{run.name}/joints-and-height": TIPS_FOUND for run in rest}
     told |= {f"{run.name}/{BARE}": JOINTS_FOUND for run in both}
     told |= {f"{run.name}/joints-and-tips-off": TIPS_FOUND for run in both}
     result = study(5, tmp_path, lambda stage: None)
     names = [f"{run.name}/joints" for run in runs]
-    names += [f"{run.name}/joints-and-height" for run in soft]
-    assert [where for where, _, _ in asked[:14]] == names
-    assert {(robot, count) for _, robot, count in asked[:14]} == {("marvin", 3)}
+    names += [f"{run.name}/joints-and-inertial-sensor" for run in soft]
+    names += [f"{run.name}/joints-and-height" for run in soft if run is not seen]
+    assert [where for where, _, _ in asked[:19]] == names
+    assert {(robot, count) for _, robot, count in asked[:19]} == {("marvin", 3)}
     better = str(tmp_path / both[0].name / BARE / "model.toml")
-    assert asked[14:16] == [
+    assert asked[19:21] == [
         (f"{both[0].name}/{BARE}", "marvin", 4),
         (f"{both[0].name}/joints-and-tips-off", better, 3),
     ]
-    assert len(asked) == 18
+    assert len(asked) == 23
     score = result["score"]
-    assert [one["of"] for one in score.values()] == [8, 6, 2, 8]
+    assert [one["of"] for one in score.values()] == [8, 6, 5, 2, 8]
     assert score["joints"]["undecided"] == 6
     assert score["joints and tips off"]["right"] == 2
     last = {"right": 6, "undecided": 0, "wrong": 2, "of": 8, "tips_right": 6, "joints_right": 6}
