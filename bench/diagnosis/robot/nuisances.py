@@ -152,9 +152,11 @@ def _punch(drive: DriveParameters, x: float) -> DriveParameters:
 def tip_of(give_m_n: float) -> tuple[float, float]:
     """Stiffness [N/m] of a foot that gives by so much, and half its critical damping [N s/m].
 
-    No stiffer than the effect of that name may be: what gives less is as good as rigid.
+    No stiffer than the effect of that name may be, as what gives less is as good as rigid; nor
+    softer, as where feet are as soft as that already.
     """
-    stiffness = min(1.0 / give_m_n, effect("foot_compliance").parameters[0].high)
+    bounds = effect("foot_compliance").parameters[0]
+    stiffness = min(max(1.0 / give_m_n, bounds.low), bounds.high)
     return stiffness, math.sqrt(TIP_KG * stiffness)
 
 

@@ -48,6 +48,14 @@ def test_feet_that_give_already_give_more():
         assert twice.legs[0].foot.stiffness_n_m == pytest.approx(leg.foot.stiffness_n_m)
 
 
+def test_feet_that_are_as_soft_as_any_may_be_stay_so():
+    kind = effect("foot_compliance")
+    softest = kind.parameters[0].low
+    soft = kind.apply(believed(), (), {"stiffness_n_m": softest, "damping_n_s_m": 5.0})
+    (trial,) = (t for t in trials(believed()) if t.name == TIPS)
+    assert trial.change(soft, trial.size).legs[0].foot.stiffness_n_m == softest
+
+
 def test_feet_of_which_the_file_speaks_have_no_such_tolerance():
     kind = effect("foot_compliance")
     soft = kind.apply(believed(), (), {"stiffness_n_m": 3e3, "damping_n_s_m": 5.0})
