@@ -17,6 +17,7 @@ from bench.starter import end_with_starter
 from busemu.tables import Robot
 from sim.entries import PhysicsError
 from sim.model import read_model
+from sim.tree import PhysicalRobot
 
 from ..journal import Journal, code, digest
 from .effects import Placed, placed_effects
@@ -45,7 +46,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """Means of a replay as :class:`Features` has them; empty where the engine could not run it."""
+    """Means of a replay as :class:`Features` has them; NaN where the engine could not run it."""
 
     angle_rad: Floats
     height_m: Floats
@@ -84,9 +85,8 @@ class _Bench:
         self.placed: dict[str, Placed] = placed_effects(base)
         self.trials: dict[str, Trial] = {trial.name: trial for trial in trials(base)}
 
-    def run(self, job: Job) -> Outcome:
-        """Replay."""
-        found = self.features[job.recording]
+    def _built(self, job: Job) -> PhysicalRobot:
+        """The robot of a job. Raises :class:`PhysicsError` for one that there cannot be."""
         robot = self._believed[job.recording]
         for name, z in job.effects:
             placed = self.placed[name]
@@ -96,7 +96,13 @@ class _Bench:
         for name, share in job.trials:
             trial = self.trials[name]
             robot = trial.change(robot, share * trial.size)
+        return robot
+
+    def run(self, job: Job) -> Outcome:
+        """Replay."""
+        found = self.features[job.recording]
         try:
+            robot = self._built(job)
             jitter = Jitter(job.jitter) if job.jitter else None
             track = play(robot, found.course, jitter, found.span if job.short else None)
         except PhysicsError:

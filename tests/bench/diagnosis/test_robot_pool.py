@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from walking_robots import marvin, walked
 
@@ -7,6 +8,7 @@ from bench.diagnosis.journal import Journal
 from bench.diagnosis.robot import pool as robot_pool
 from bench.diagnosis.robot.features import Features
 from bench.diagnosis.robot.pool import ROWS, Job, Replays
+from sim.entries import PhysicsError
 
 SHORT = Job(0, short=True)
 
@@ -55,3 +57,17 @@ def test_where_the_system_gives_no_semaphores_one_process_does_all(features, kep
     with Replays(marvin(), [features], (), processes=2) as alone:
         (outcome,) = alone.run([SHORT])
     assert (outcome.angle_rad == kept[1].angle_rad).all()
+
+
+def test_a_robot_that_there_cannot_be_is_lost_like_one_that_the_engine_cannot_run(
+    features, kept, monkeypatch
+):
+    def none(robot, every, z):
+        raise PhysicsError("effect foot_compliance: stiffness_n_m = 199.6 N/m is not within 200")
+
+    monkeypatch.setattr(robot_pool, "with_nuisances", none)
+    with Replays(marvin(), [features], (), processes=1) as alone:
+        (outcome,) = alone.run([Job(0, nuisances=(1.0,))])
+    assert np.isnan(outcome.angle_rad).all()
+    assert outcome.angle_rad.shape == kept[1].angle_rad.shape
+    assert outcome.shaken.shape == kept[1].shaken.shape
