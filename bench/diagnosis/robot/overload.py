@@ -18,7 +18,8 @@ from bench.recording import Recording, RecordingError, joint_track
 from bench.recording.rules import READ, WRITE
 from busemu.tables import Robot, ServoMount
 
-from .gait import gait_phase
+from .features import STAND_UP_S
+from .gait import WINDOW_S, gait_phase
 from .replay import LEAST_SAMPLES
 
 SAFE = 0.75  #: of the stall torque, which a servo holds; source: the thesis's safe torque
@@ -33,9 +34,10 @@ def before_overload(
 ) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
     """Recordings up to where all servos hold, and a sentence for each that ends sooner so.
 
-    Raises :class:`RecordingError` where that leaves too little to compare.
+    Those of which that leaves too little to compare are left out. Raises :class:`RecordingError`
+    where it does so of all.
     """
-    kept, told = [], []
+    kept, told, short = [], [], []
     for recording in recordings:
         ends = [*_shutdowns(robot, recording), *_overloads(robot, recording)]
         if not ends:
@@ -43,22 +45,28 @@ def before_overload(
             continue
         last_s, what = min(ends)
         if not _tells(robot, recording, last_s):
-            raise RecordingError(
-                recording.path,
+            little = (
                 f"{what}, from {last_s - recording.t_s[0]:.2f} s after its beginning on: what is "
-                "before that is too short to compare; leave this recording out, or record it with "
-                "less load",
+                "before that is too short to compare"
             )
+            told.append(f"{recording.name} was left out: {little}")
+            short.append((recording.path, f"{little}; record it with less load"))
+            continue
         table = recording.table.filter(pc.less_equal(recording.table.column("t_s"), last_s))
         kept.append(Recording.checked(table, recording.metadata, recording.path))
         told.append(f"{recording.name}: {what}; what follows {last_s:.2f} s is not compared")
+    if short and not kept:
+        raise RecordingError(*short[0])
     return tuple(kept), tuple(told)
 
 
 def _tells(robot: Robot, recording: Recording, last_s: float) -> bool:
-    """Whether some joint was read often enough until then."""
-    tracks = (joint_track(recording, mount.joint, robot) for mount in robot.servos)
-    return any(np.sum(track.position_t_s <= last_s) >= LEAST_SAMPLES for track in tracks)
+    """Whether some joint was read often enough until then, and for a window after it stood up."""
+    tracks = [joint_track(recording, mount.joint, robot) for mount in robot.servos]
+    seen = [track.position_t_s[track.position_t_s <= last_s] for track in tracks]
+    first_s = min((float(t_s[0]) for t_s in seen if len(t_s)), default=last_s)
+    compared_s = first_s + STAND_UP_S + WINDOW_S
+    return any(len(t_s) >= LEAST_SAMPLES and t_s[-1] >= compared_s for t_s in seen)
 
 
 def _shutdowns(robot: Robot, recording: Recording) -> Iterator[tuple[float, str]]:

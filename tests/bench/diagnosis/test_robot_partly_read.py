@@ -18,6 +18,7 @@ from bench.diagnosis.robot.model import RobotKind, RobotModel
 from bench.diagnosis.robot.overload import before_overload
 from bench.diagnosis.robot.pool import Job
 from bench.diagnosis.robot.replay import course, play
+from bench.diagnosis.robot.running import _holding
 from bench.recording import Recording, RecordingError, joint_track
 
 READ = ("leg1", "leg4")
@@ -228,8 +229,8 @@ def held_off(rad, from_s, to_s):
 @pytest.mark.parametrize(
     ("error_rad", "walks", "last_s"),
     [
-        (held_off(0.17, 1.0, 3.5), False, 1.0),  # nine tenths of what brings full duty
-        (held_off(-0.17, 1.0, 3.5), False, 1.0),
+        (held_off(0.17, 1.5, 3.9), False, 1.5),  # nine tenths of what brings full duty
+        (held_off(-0.17, 1.5, 3.9), False, 1.5),
         (held_off(0.10, 1.0, 3.5), False, None),
         (held_off(0.17, 1.0, 2.5), False, None),  # for a moment, as it stands up
         (held_off(0.17, 1.0, 3.5), True, None),
@@ -247,15 +248,35 @@ def test_a_standing_robot_is_compared_until_a_servo_is_near_its_limit(error_rad,
 
 
 def test_a_recording_without_anything_before_its_limit_is_refused():
-    for first_s in (0.2, 0.3):
+    for first_s in (0.2, 1.2):
         recording = standing(held_off(0.17, first_s, 3.5), begin_s=0.7)
         with pytest.raises(
             RecordingError,
             match=rf"{JOINTS[0]} is near its stall torque for long, from {first_s}. s after its "
-            r"beginning on: what is before that is too short .* leave this recording out",
+            r"beginning on: what is before that is too short .* record it with less load",
         ):
             before_overload(marvin(), [recording])
-    before_overload(marvin(), [standing(held_off(0.17, 0.45, 3.5))])
+    enough = standing(held_off(0.17, 1.4, 3.9), begin_s=0.7)
+    (kept,), _ = before_overload(marvin(), [enough])
+    assert len(Features.of(course(kept, marvin()), marvin()).bin) == 2 * len(JOINTS)  # windows
+
+
+def test_of_several_recordings_those_that_tell_too_little_are_left_out():
+    short, good = standing(held_off(0.17, 0.5, 3.5)), standing(held_off(0.0, 0.0, 0.0))
+    kept, told = before_overload(marvin(), [short, good])
+    assert kept == (good,)
+    (sentence,) = told
+    assert sentence.startswith(f"walk-1 was left out: {JOINTS[0]} is near its stall torque for")
+    assert sentence.endswith("what is before that is too short to compare")
+    assert _holding(marvin(), (short, good)) == (kept, told)
+    assert before_overload(marvin(), ()) == ((), ())
+
+
+def test_where_all_that_would_judge_tell_too_little_nothing_judges():
+    judging, (sentence,) = _holding(marvin(), (standing(held_off(0.17, 0.5, 3.5)),))
+    assert judging == ()
+    assert sentence.startswith("nothing judges: ")
+    assert sentence.endswith("record it with less load")
 
 
 def test_rounding_of_a_joint_that_stands_is_in_its_means():
