@@ -168,16 +168,16 @@ def with_torque_reads(values, written=()):
 
 
 def test_what_follows_where_a_servo_shut_itself_down_is_left_out():
-    walk, first = with_torque_reads([1, 1, 0, 0])
+    walk, first = with_torque_reads([1, 1, 1, 0])
     (kept,), (told,) = before_overload(marvin(), [walk])
-    assert float(kept.t_s[-1]) == pytest.approx(first + 1.0, abs=0.05)
-    assert float(kept.t_s[-1]) <= first + 1.0
+    assert float(kept.t_s[-1]) == pytest.approx(first + 2.0, abs=0.05)
+    assert float(kept.t_s[-1]) <= first + 2.0 + 1e-9  # rounding
     assert len(kept) == np.sum(walk.t_s <= kept.t_s[-1])
     assert float(walk.t_s[-1]) > first + 4.0
     joint = marvin().by_id[5].joint
     assert told == (
-        f"walk-1: {joint} shut itself down after {first + 2.0:.2f} s; what follows "
-        f"{first + 1.0:.2f} s is not compared"
+        f"walk-1: {joint} shut itself down after {first + 3.0:.2f} s; what follows "
+        f"{first + 2.0:.2f} s is not compared"
     )
 
 
