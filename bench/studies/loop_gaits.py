@@ -28,12 +28,11 @@ from bench.gaits.walks import Walks
 from bench.motions import WalkPlan
 from busemu.tables import Robot
 
-from .stance_runs import SCENE, Run, recording_of, specimen
+from .stance_runs import CAPTURED, SCENE, Run, recording_of, specimen
 
 PLAN = Plan(budget=64, seconds=5.0, methods=(Method.CMA,))
 PROCESSES = 2
 PATH = tuple(f"mocap/base_{name}" for name in ("x_m", "y_m", "yaw_rad"))
-LEAN = tuple(f"mocap/base_{name}_rad" for name in ("roll", "pitch"))
 LEANING_RAD = math.radians(45.0)  #: so far, and it has fallen; assumed
 
 
@@ -75,13 +74,13 @@ def really(run: Run, candidate: Candidate, seed: int) -> Walked:
     robot = candidate.on(scene.robot)
     whole = specimen(run, plan)
     played = play(scene, plan, whole.body, whole.electrics, robot)
-    recording = recording_of(robot, played, "gait", 0.0, (*PATH, *LEAN))
+    recording = recording_of(robot, played, "gait", 0.0, (*PATH, *CAPTURED))
     end_s = played.session.clock.now_s()
     span = (end_s - plan.seconds, end_s)
     seen = [recording.observed(name) for name in PATH]
     from_s = steady_from_s(Job(candidate, plan.seconds, seed), span)
     inside = seen[0].t_sample_s >= from_s
-    lean = max(float(np.abs(recording.observed(name).value).max()) for name in LEAN)
+    lean = max(float(np.abs(recording.observed(name).value).max()) for name in CAPTURED)
     way = displacement(seen[0].t_sample_s[inside], *(one.value[inside] for one in seen))
     joint, torque = largest_torque(robot, torque_sensors(robot), recording, span)
     fell = lean > LEANING_RAD

@@ -21,6 +21,7 @@ from typing import Any
 
 from bench.diagnosis.journal import FOLDER, Journal
 from bench.diagnosis.report import Origin, write_report
+from bench.diagnosis.robot.replay import HEIGHT
 from bench.diagnosis.robot.running import run_robot
 from bench.diagnosis.running import Split
 from bench.diagnosis.watch import Watch
@@ -31,7 +32,7 @@ from busemu.tables import Robot, load_robot
 
 from .stance_figures import summary_figure
 from .stance_page import write_page
-from .stance_runs import BARE, HEIGHT, IMU, SCENE, Cause, Run, draw_runs, key_of, only, record
+from .stance_runs import BARE, IMU, SCENE, Cause, Run, draw_runs, key_of, only, record
 
 Progress = Callable[[str], None]
 

@@ -18,6 +18,7 @@ from bench.blind import Asked
 from bench.blind.legged_case import draw_legged
 from bench.blind.legged_effects import LEGGED, Where, Whole
 from bench.blind.scenes import SCENES, Played, play
+from bench.diagnosis.robot.replay import HEIGHT, LEANS
 from bench.motions import WalkPlan
 from bench.recording import Recording
 from bench.recording.metadata import FORMAT, of_robot
@@ -33,8 +34,7 @@ BARE = "tips-off"  #: recordings of the same robot without its tips
 #: to have, the joints' extra compliance three to six times that of the file's gear
 TIPS_N_M = (500.0, 1500.0)
 JOINTS_RAD_NM = (0.2, 0.5)
-HEIGHT = "mocap/base_z_m"
-IMU = ("imu/roll_rad", "imu/pitch_rad")  #: of an inertial sensor on the trunk
+IMU, CAPTURED = LEANS  #: how the trunk leans, by an inertial sensor on it or by an observer
 
 
 class Cause(enum.Enum):

@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import pytest
 
 from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.replay import HEIGHT
 from bench.motions import WalkPlan
 from bench.recording import Recording
 from bench.studies import stance
 from bench.studies.stance import CONTACT_CLASS, JOINT_CLASS, JOINTS, PARTS, Answer, scored, study
 from bench.studies.stance_runs import (
     BARE,
-    HEIGHT,
     IMU,
     LOADS_KG,
     Cause,
