@@ -12,6 +12,7 @@ from rich.progress import track
 from .case import Asked, Concealment, Kind
 from .cases import write_case
 from .effects import EFFECTS
+from .legged_case import READS
 from .rigs import RIGS, STYLES
 from .scenes import SCENES
 from .unlisted import STRANGERS
@@ -46,7 +47,13 @@ def main(
     rig: Annotated[
         str | None, typer.Option(help=f"One of {', '.join((*RIGS, *SCENES))}; any rig.")
     ] = None,
-    style: Annotated[str | None, typer.Option(help=f"One of {', '.join(STYLES)}; any.")] = None,
+    style: Annotated[
+        str | None,
+        typer.Option(
+            help=f"What is read, and how fast: {', '.join(STYLES)}; of a robot on its feet "
+            f"{'; '.join(READS)}; any."
+        ),
+    ] = None,
     secret: Annotated[
         Path | None, typer.Option(help="File with the secret; made if missing. Default: OUT.secret")
     ] = None,
