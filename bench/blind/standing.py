@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.motions import StandPlan
+from bench.motions import STANDING, StandPlan
 from bench.running import Session
 from hal.cpg.gait import Gait
 from hal.cpg.network import tripods
@@ -48,7 +48,7 @@ def ways(plan: StandPlan, gait: Gait, legs: Legs) -> Iterator[tuple[Floats, floa
         for place in PLACES_M[plan.programme]:
             yield legs.angles_rad(feet - np.array(place)), WAY_S
     else:
-        raise ValueError(f"no standing programme {plan.programme!r}: squat, sway or stretch")
+        raise ValueError(f"no standing programme {plan.programme!r}: {', '.join(STANDING)}")
     yield neutral, WAY_S
 
 

@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 HEAVIER = 0.15  #: of the robot's mass: a weight to put on its trunk; assumed
 WATCH_S = 0.02  #: between two looks at the trunk's height, at a voltage, or at a load of any servo
 MEMORY_S = 0.1  #: of a height's noise, and of a lean's; assumed
-LEAN_LEVEL_RAD = 3e-3  #: of a lean that tolerances of joints make, which no trace foretells
+LEAN_LEVEL_RAD = 3e-3  #: of a lean that tolerances of joints make; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

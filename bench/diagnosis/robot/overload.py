@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from bench.experiments.position_error import TorqueSensor
-from bench.recording import Recording, RecordingError, joint_track
+from bench.recording import Recording, joint_track
 from bench.recording.rules import READ, WRITE
 from busemu.tables import Robot, ServoMount
 
@@ -34,10 +34,9 @@ def before_overload(
 ) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
     """Recordings up to where all servos hold, and a sentence for each that ends sooner so.
 
-    Those of which that leaves too little to compare are left out. Raises :class:`RecordingError`
-    where it does so of all.
+    Those of which that leaves too little to compare are left out.
     """
-    kept, told, short = [], [], []
+    kept, told = [], []
     for recording in recordings:
         ends = [*_shutdowns(robot, recording), *_overloads(robot, recording)]
         if not ends:
@@ -45,18 +44,15 @@ def before_overload(
             continue
         last_s, what = min(ends)
         if not _tells(robot, recording, last_s):
-            little = (
-                f"{what}, from {last_s - recording.t_s[0]:.2f} s after its beginning on: what is "
-                "before that is too short to compare"
+            told.append(
+                f"{recording.name} was left out: {what}, from {last_s - recording.t_s[0]:.2f} s "
+                "after its beginning on: what is before that is too short to compare; record it "
+                "with less load"
             )
-            told.append(f"{recording.name} was left out: {little}")
-            short.append((recording.path, f"{little}; record it with less load"))
             continue
         table = recording.table.filter(pc.less_equal(recording.table.column("t_s"), last_s))
         kept.append(Recording.checked(table, recording.metadata, recording.path))
         told.append(f"{recording.name}: {what}; what follows {last_s:.2f} s is not compared")
-    if short and not kept:
-        raise RecordingError(*short[0])
     return tuple(kept), tuple(told)
 
 

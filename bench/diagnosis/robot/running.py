@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.figures.style import save
 from bench.files import write_json
-from bench.recording import Recording, RecordingError
+from bench.recording import RecordingError
 from busemu.tables import Robot
 from sim.model import read_model
 
@@ -63,7 +63,9 @@ def run_robot(
     check_names(robot, without)
     robot, moved = past_stops(robot, (*parts.fitted, *parts.judging))
     fitted, cut = before_overload(robot, parts.fitted)
-    judging, cut_too = _holding(robot, parts.judging)
+    judging, cut_too = before_overload(robot, parts.judging)
+    if parts.fitted and not fitted:
+        raise RecordingError(parts.fitted[0].path, f"nothing is left to fit: {cut[0]}")
     parts = Split(fitted, judging)
     known = (*moved, *cut, *cut_too, *known)
     try:
@@ -93,16 +95,6 @@ def run_robot(
         traces(robot, found.believed, found.better),
         tuple(recording.name for recording in parts.fitted),
     )
-
-
-def _holding(
-    robot: Robot, judging: Sequence[Recording]
-) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
-    """Recordings that judge as :func:`before_overload` has them; none where none holds."""
-    try:
-        return before_overload(robot, judging)
-    except RecordingError as error:
-        return (), (f"nothing judges: {error}",)
 
 
 def check_names(robot: Robot, names: Sequence[str]) -> None:

@@ -58,7 +58,7 @@ def test_three_legs_carry_it_while_one_is_stretched_and_all_else():
 
 def test_an_unknown_programme_is_refused():
     gait, legs = Gait.of(SCENE.robot), Legs.of(SCENE.robot)
-    with pytest.raises(ValueError, match="no standing programme 'jump': squat, sway or stretch"):
+    with pytest.raises(ValueError, match="no standing programme 'jump': squat, sway, stretch"):
         list(ways(StandPlan("jump"), gait, legs))
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import date
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +13,7 @@ import pyarrow.compute as pc
 import pytest
 from walking_robots import believed, marvin, recorded_walk, walked, walked_with
 
+from bench.diagnosis.robot import running as robot_running
 from bench.diagnosis.robot.features import Features, shown_by
 from bench.diagnosis.robot.judging import Judgement, traces
 from bench.diagnosis.robot.limits import unread, without_gait
@@ -18,7 +21,10 @@ from bench.diagnosis.robot.model import RobotKind, RobotModel
 from bench.diagnosis.robot.overload import before_overload
 from bench.diagnosis.robot.pool import Job
 from bench.diagnosis.robot.replay import course, play
-from bench.diagnosis.robot.running import _holding
+from bench.diagnosis.robot.running import run_robot
+from bench.diagnosis.running import Split
+from bench.diagnosis.sense import DiagnosisError
+from bench.diagnosis.watch import OutOfTimeError, Watch
 from bench.recording import Recording, RecordingError, joint_track
 
 READ = ("leg1", "leg4")
@@ -247,36 +253,38 @@ def test_a_standing_robot_is_compared_until_a_servo_is_near_its_limit(error_rad,
     assert sentence.startswith(f"walk-1: {JOINTS[0]} is near its stall torque for long; what")
 
 
-def test_a_recording_without_anything_before_its_limit_is_refused():
+def test_a_recording_without_a_window_before_its_limit_is_left_out_and_named():
+    good = standing(held_off(0.0, 0.0, 0.0))
     for first_s in (0.2, 1.2):
-        recording = standing(held_off(0.17, first_s, 3.5), begin_s=0.7)
-        with pytest.raises(
-            RecordingError,
-            match=rf"{JOINTS[0]} is near its stall torque for long, from {first_s}. s after its "
-            r"beginning on: what is before that is too short .* record it with less load",
-        ):
-            before_overload(marvin(), [recording])
+        short = standing(held_off(0.17, first_s, 3.5), begin_s=0.7)
+        kept, (sentence,) = before_overload(marvin(), [short, good])
+        assert kept == (good,)
+        assert sentence.startswith(
+            f"walk-1 was left out: {JOINTS[0]} is near its stall torque for long, from {first_s}"
+        )
+        assert "what is before that is too short to compare; record it with less load" in sentence
     enough = standing(held_off(0.17, 1.4, 3.9), begin_s=0.7)
     (kept,), _ = before_overload(marvin(), [enough])
     assert len(Features.of(course(kept, marvin()), marvin()).bin) == 2 * len(JOINTS)  # windows
 
 
-def test_of_several_recordings_those_that_tell_too_little_are_left_out():
+def test_where_nothing_is_left_to_fit_it_is_refused_and_where_nothing_judges_it_is_told(
+    tmp_path, monkeypatch
+):
     short, good = standing(held_off(0.17, 0.5, 3.5)), standing(held_off(0.0, 0.0, 0.0))
-    kept, told = before_overload(marvin(), [short, good])
-    assert kept == (good,)
-    (sentence,) = told
-    assert sentence.startswith(f"walk-1 was left out: {JOINTS[0]} is near its stall torque for")
-    assert sentence.endswith("what is before that is too short to compare")
-    assert _holding(marvin(), (short, good)) == (kept, told)
-    assert before_overload(marvin(), ()) == ((), ())
+    asked = []
 
+    def diagnose(robot, fitted, judging, **_):
+        asked.append((fitted, judging))
+        raise OutOfTimeError("that")
 
-def test_where_all_that_would_judge_tell_too_little_nothing_judges():
-    judging, (sentence,) = _holding(marvin(), (standing(held_off(0.17, 0.5, 3.5)),))
-    assert judging == ()
-    assert sentence.startswith("nothing judges: ")
-    assert sentence.endswith("record it with less load")
+    monkeypatch.setattr(robot_running, "diagnose_robot", diagnose)
+    run = partial(run_robot, marvin(), out=tmp_path, on=date(2026, 1, 2), watch=Watch(print))
+    with pytest.raises(RecordingError, match=r"nothing is left to fit: walk-1 was left out: .*"):
+        run(Split((short,), (good,)))
+    with pytest.raises(DiagnosisError):
+        run(Split((good,), (short,)))
+    assert asked == [((good,), ())]
 
 
 def test_rounding_of_a_joint_that_stands_is_in_its_means():
