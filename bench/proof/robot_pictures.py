@@ -41,6 +41,8 @@ def places(cases: Sequence[Judged]) -> Figure:
         (STOP, "something wrong named"),
     ):
         left.plot([], [], "o", ms=4, color=colour, label=label)
+    if not any(c.place.true_phase for c in told if c.place is not None):
+        right.text(0.5, 0.5, "no robot walked", transform=right.transAxes, ha="center")
     most = max([WIDEST, *(1.3 * c.ratio for c in told)])
     for axes in (left, right):
         axes.set_xscale("log")

@@ -98,6 +98,9 @@ def test_a_robot_that_stands_has_joints_and_no_phase(cases):
     assert _found_in(more[-1]) == "joints F1 1.00"
     assert _found_in(more[0]) == "joints F1 1.00; stance, true stance"
     assert len(draw_places(more).axes[1].lines) == len(draw_places(cases).axes[1].lines)
+    assert not draw_places(more).axes[1].texts
+    (told,) = draw_places(more[-1:]).axes[1].texts
+    assert told.get_text() == "no robot walked"
 
 
 def test_sizes_of_a_walk_without_standing_up_are_counted_beside_the_rows():
