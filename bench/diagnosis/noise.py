@@ -61,6 +61,22 @@ class Block:
     extra: Floats
     sways: Floats | None = None
 
+    @property
+    def scatter(self) -> Floats:
+        """Known variance of each sample, however much of it is one number of many samples (n,)."""
+        if self.sways is None:
+            return self.extra
+        found: Floats = self.extra + np.sum(self.sways**2, axis=1)
+        return found
+
+    def apart(self) -> Floats:
+        """Samples about what is all along in those that are swayed together (n,)."""
+        if self.sways is None:
+            return self.value
+        along = np.linalg.lstsq(self.sways, self.value, rcond=None)[0]
+        found: Floats = self.value - self.sways @ along
+        return found
+
 
 @njit(cache=True, error_model="numpy")
 def _filter(

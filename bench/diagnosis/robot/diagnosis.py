@@ -362,7 +362,7 @@ class Work:
 
 def noise_of(blocks: Sequence[Block], noise: Noise) -> float:
     """Of rows of some blocks: what fits call noise, and what rows scatter by themselves."""
-    scatter = np.mean(np.concatenate([block.extra for block in blocks]))
+    scatter = np.mean(np.concatenate([block.scatter for block in blocks]))
     return float(np.hypot(noise.total, np.sqrt(scatter)))
 
 

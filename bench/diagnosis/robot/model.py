@@ -139,9 +139,10 @@ class RobotModel:
         say("replaying with what is never exactly as believed")
         self._weighing = Weighing(some, self.features, self._run)
         self.traces = self._traces(nothing, ())
-        self._chance = of_tolerances(self, list(self._plain), self._run)
-        for m, square in self._chance.items():
-            self.spread[m][RobotKind.JOINTS] += square
+        self._chance = of_tolerances(self, judging, self._run)  #: of each recording
+        for m, chance in zip(self.motion, self._chance, strict=True):
+            if self.features[m].phase is None:
+                self.spread[m][RobotKind.JOINTS] = chance.total
         self._data = [f.recorded for f in self.features]
         self._face(self._every)
         self._extra = [self._variance(r) for r in self._every]
@@ -172,9 +173,9 @@ class RobotModel:
         (outcome,) = self.replays.run([Job(r)])
         spread = self.spread[self.motion[r]]
         features = self.features[r]
-        own = outcome.scatter_rad2 + features.rounding_rad2
-        duty = features.regulated.extra
-        return spread | {RobotKind.JOINTS: own + spread[RobotKind.JOINTS], RobotKind.DUTY: duty}
+        own = outcome.scatter_rad2 + features.rounding_rad2 + spread[RobotKind.JOINTS]
+        apart = own - self._chance[r].lasting
+        return spread | {RobotKind.JOINTS: apart, RobotKind.DUTY: features.regulated.extra}
 
     def retrace(
         self, settings: Sequence[tuple[str, float]], z: Floats, holds: float = HOLDS
@@ -357,7 +358,7 @@ class RobotModel:
 
     def chance(self, r: int) -> Floats:
         """What of joint rows no trace foretells of sound robots that stand (rows,) [rad^2]."""
-        return self._chance.get(self.motion[r], np.zeros(len(self.features[r].bin)))
+        return self._chance[r].total
 
     def recorded(self, r: int, kind: RobotKind) -> Floats:
         """Rows of a recording as it was; NaN where nobody saw."""
@@ -376,7 +377,11 @@ class RobotModel:
         else:
             times = APART_S * np.arange(len(value), dtype=np.float64)
         known = np.isfinite(self._data[r][kind])
-        return Block(times[known], value[known], self._extra[r][kind][known])
+        sways = None
+        if kind is RobotKind.JOINTS and self._chance[r].lasting.any():
+            repeats = self.motion.count(self.motion[r])
+            sways = self._chance[r].sways(features.joint_row, len(self._joints), repeats)[known]
+        return Block(times[known], value[known], self._extra[r][kind][known], sways)
 
     def close(self) -> None:
         """End the processes."""

@@ -40,7 +40,7 @@ class Places:
         self.counts: dict[Key, float] = {}
         for r, value in rows.items():
             features = model.features[r]
-            extra = model.block(r, RobotKind.JOINTS, value).extra
+            extra = model.block(r, RobotKind.JOINTS, value).scatter
             for j, joint in enumerate(self.names):
                 own = features.joint_row == j
                 for phase, share in (("stance", stance[r][own]), ("swing", 1.0 - stance[r][own])):

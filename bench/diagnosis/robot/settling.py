@@ -32,8 +32,8 @@ FAR = 3.0  #: times that from which no tolerances are looked for that leave less
 #: RMS of walked samples over that of a sound model, up to which recordings that judge are as
 #: believed; ten nulls of the other engine had 1.0 to 1.4
 SAMPLES = 1.6
-#: the same where robots stand, of noise with what is chance in it. Two nulls of a Marvin by another
-#: engine had 0.29 and 0.22, two of a PhantomX, whose feet slip and stick, 0.67 and 1.04
+#: the same where robots stand, of noise with what is chance in it: seven nulls of other engines had
+#: 0.1 to 0.7, and a PhantomX of the engine of proofs 1.6
 STANDING = 2.0
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 DUTIES_OFF = 4.0  #: deviations of duties from which they show another law
@@ -244,13 +244,18 @@ class RobotJudges:
         return [n for n, z in pairs if n.same and n.far(z, AT_END)]
 
     def over_noise(self, found: RobotFit, which: Sequence[int]) -> float:
-        """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns."""
+        """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns.
+
+        Where robots stand that of what is left, or of how it changes, whichever is more.
+        """
         self.model.recentre(found.settings, found.nuisances, which)
         joints = RobotKind.JOINTS
         floor = self.model.floors()[joints] ** 2
         blocks = self.model.residuals(found.names, found.z, which)
         own = [block for (_, kind), block in blocks.items() if kind is joints]
-        return float(np.mean(np.concatenate([b.value**2 / (floor + b.extra) for b in own])))
+        whole = [b.value**2 / (floor + b.scatter) for b in own]
+        apart = [b.apart() ** 2 / (floor + b.extra) for b in own]
+        return max(float(np.mean(np.concatenate(ratio))) for ratio in (whole, apart))
 
     def outside(self, found: RobotFit) -> float:
         """What a fit costs on recordings that it has not seen [nats]."""

@@ -69,6 +69,18 @@ def swayed(noise, seed=4):
     return replace(block, value=block.value + sways @ random.normal(size=3), sways=sways)
 
 
+def test_scatter_is_all_that_is_known_and_what_lasts_can_be_taken_away():
+    rows = np.repeat([0, 1], [4, 3])
+    sways = np.array([2.0, 3.0]) * (rows[:, None] == np.arange(2))
+    value = np.array([1.0, 2.0, 3.0, 2.0, 9.0, 9.0, 12.0])
+    block = Block(np.arange(7.0), value, np.full(7, 0.5), sways)
+    assert block.scatter == pytest.approx(np.where(rows == 0, 4.5, 9.5))
+    assert block.apart() == pytest.approx([-1.0, 0.0, 1.0, 0.0, -1.0, -1.0, 2.0])
+    bare = replace(block, sways=None)
+    assert bare.scatter is bare.extra
+    assert bare.apart() is value
+
+
 @pytest.mark.parametrize("noise", NOISES)
 def test_what_sways_a_block_is_summed_over_as_in_the_dense_gaussian(noise):
     block = swayed(noise)

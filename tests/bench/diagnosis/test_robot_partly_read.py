@@ -300,7 +300,13 @@ def test_rounding_of_a_joint_that_stands_is_in_its_means():
         block = model.residuals((), np.zeros(len(model.nuisances)), [0])[0, RobotKind.JOINTS]
         (outcome,) = model.replays.run([Job(0)])
         others = outcome.scatter_rad2 + model.spread[0][RobotKind.JOINTS]
-        assert block.extra - others == pytest.approx(rounding)
+        # of what is chance, what lasts is one number a joint and no scatter of its windows
+        assert block.scatter - others == pytest.approx(rounding)
+        lasting = np.sum(block.sways**2, axis=1)
+        assert block.extra + lasting - others == pytest.approx(rounding)
+        assert 0.0 < np.sqrt(lasting.mean()) < 0.02
+        assert np.count_nonzero(block.sways, axis=1).max() == 1
+        assert model.chance(0) == pytest.approx(model.chance(0).clip(min=lasting))
 
 
 def like(walks, rows, told):

@@ -130,6 +130,22 @@ def test_what_is_left_is_told_in_squares_of_noise():
     assert found.over_noise(BASE, JUDGES) == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize(
+    ("along", "apart", "told"), [(1.0, 0.5, 0.85), (3.0, 0.5, 7.25), (0.0, 2.0, 4.0)]
+)
+def test_of_robots_that_stand_what_changes_is_told_apart_from_what_lasts(along, apart, told):
+    """In deviations: what all samples have, of chance four times noise, and how they change."""
+    own = rms(1.0)
+    wave = np.where(np.arange(100) % 2, -1.0, 1.0)
+    value = own * (2.0 * along + apart * wave)
+    block = Block(np.arange(100.0), value, np.full(100, EXTRA_RAD2), np.full((100, 1), 2.0 * own))
+    found = judges({0: 0.0, 1: 0.0})
+    found.model.residuals = lambda names, z, which: {(0, RobotKind.JOINTS): block}
+    whole = (4.0 * along**2 + apart**2) / (1.0 + 4.0)
+    assert found.over_noise(BASE, [0]) == pytest.approx(max(whole, apart**2))
+    assert found.over_noise(BASE, [0]) == pytest.approx(told)
+
+
 @pytest.mark.parametrize(("share", "expected"), [(0.9, True), (1.1, False)])
 def test_where_robots_stand_more_is_noise_and_tolerances_go_where_chance_takes_them(
     share, expected
