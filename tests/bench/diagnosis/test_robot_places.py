@@ -1,3 +1,4 @@
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -48,6 +49,19 @@ def noise(seed=5):
 
 def rows_of(joints):
     return np.repeat([name in joints for name in JOINTS], BINS)
+
+
+def test_what_lasts_by_chance_makes_less_of_what_a_joint_is_off_all_along():
+    """A robot that stands may be ten times as far off as noise has it, for as long as it does."""
+    off = noise() + 4.0 * NOISE_RAD * rows_of(["leg2.femur"])
+    plain = told(off)
+    sways = 10.0 * NOISE_RAD * np.ones((len(off), 1))
+    stood = Stood()
+    stood.block = lambda r, kind, value: replace(Stood().block(r, kind, value), sways=sways)
+    swayed = mismatch(stood, {0: off})
+    assert plain[0]["joints"] == ["leg2.femur"]
+    assert min(place["p_value"] for place in plain) < 1e-6
+    assert min((place["p_value"] for place in swayed), default=1.0) > 0.5
 
 
 def test_joints_of_one_kind_that_are_off_in_stance_stand_together():

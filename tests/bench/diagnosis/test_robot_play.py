@@ -43,11 +43,15 @@ def test_play_is_beside_what_was_found_once():
     assert PLAY.beside(LOOSE) is LOOSE
 
 
-@pytest.mark.parametrize(("scatter_rad", "quiet"), [(0.1e-3, True), (3e-3, False)])
+@pytest.mark.parametrize(
+    ("scatter_rad", "lasts_rad", "quiet"),
+    [(0.1e-3, 0.0, True), (3e-3, 0.0, False), (0.1e-3, 3e-3, False)],
+)
 def test_of_rows_that_scatter_by_themselves_nobody_says_that_rounding_alone_is_left(
-    scatter_rad, quiet
+    scatter_rad, lasts_rad, quiet
 ):
-    rows = Block(np.arange(9.0), np.zeros(9), np.full(9, scatter_rad**2))
+    sways = np.full((9, 1), lasts_rad)
+    rows = Block(np.arange(9.0), np.zeros(9), np.full(9, scatter_rad**2), sways)
     channel = {
         "channel": "position",
         "rms_before": 3.9e-3,
