@@ -32,6 +32,8 @@ JITTERS = 3  #: replays with a slightly other start, for the spread of replays
 DRAWS = 4  #: robots within tolerances, of one that stands
 WITHIN = 0.5  #: deviations of tolerances that they have, as fits come nearer than priors; assumed
 BOTH = 2.0  #: the robot and its model each do otherwise
+#: times as far off as the others of them that a robot is which falls or is overloaded; assumed
+FALLEN = 3.0
 APART = 4  #: windows by which what slips may do so sooner or later; a second, assumed
 
 
@@ -95,10 +97,24 @@ def of_tolerances(model: RobotModel, judging: Collection[int], run: Run) -> list
         rows = [next(found)[joints] - model.modelled((), z, m)[joints] for z in robots]
         away[m] = np.nan_to_num(rows)
     fitted = {m for r, m in enumerate(model.motion) if r not in judging}
+    away = _upright(away)
     left = _followed(model, away, [m for m in standing if m in fitted] or standing)
     chance = {m: _parted(model, m, rows) for m, rows in left.items()}
     pairs = zip(model.motion, model.features, strict=True)
     return [chance.get(m) or Chance.none(len(f.bin)) for m, f in pairs]
+
+
+def _upright(away: Mapping[int, Floats]) -> dict[int, Floats]:
+    """Rows of those replays that are not much farther off than others, by motion.
+
+    A robot that falls, or is overloaded, is not the one that was recorded, which is seen not to.
+    """
+    stands = np.ones(DRAWS, dtype=bool)
+    for rows in away.values():
+        square = np.mean(rows**2, axis=1)
+        others = (square.sum() - square) / (DRAWS - 1)
+        stands &= square <= FALLEN**2 * others
+    return {m: rows[stands] if stands.sum() > 1 else rows for m, rows in away.items()}
 
 
 def _followed(
@@ -110,7 +126,7 @@ def _followed(
     traces = {m: np.nan_to_num(model.traces[m][RobotKind.JOINTS]) for m in away}
     floor = model.floors()[RobotKind.JOINTS] ** 2
     count = len(model.nuisances)
-    known, pulled = np.eye(count), np.zeros((count, DRAWS))
+    known, pulled = np.eye(count), np.zeros((count, len(away[fitted[0]])))
     for m in fitted:
         noise = floor + model.features[m].rounding_rad2 + np.mean(away[m] ** 2, axis=0)
         weighted = traces[m].T / noise

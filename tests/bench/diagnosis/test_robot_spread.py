@@ -132,6 +132,33 @@ def test_tolerances_are_no_farther_off_than_they_may_be_to_follow_chance():
     )
 
 
+@pytest.mark.parametrize(("off", "falls"), [(0.05, True), (0.005, False)])
+def test_a_robot_that_falls_is_not_the_one_that_was_recorded(off, falls):
+    """Of four one is far from where the others are in one motion; then it tells nothing of any."""
+    wave = np.where(np.arange(len(ROW)) % 2, 1.0, -1.0)
+
+    def run(jobs):
+        one = [job.jitter == 2 and job.recording == 1 for job in jobs]
+        return [{J: (off if far else 0.002) * wave} for far in one]
+
+    found = of_tolerances(model(False, False), (), run)
+    assert found[0].varying == pytest.approx(BOTH * 0.002**2)
+    square = 0.002**2 if falls else (3.0 * 0.002**2 + off**2) / 4.0
+    assert found[1].varying == pytest.approx(BOTH * square)
+
+
+def test_where_nearly_all_robots_fall_somewhere_all_tell():
+    wave = np.where(np.arange(len(ROW)) % 2, 1.0, -1.0)
+
+    def run(jobs):
+        return [{J: (0.05 if job.jitter == job.recording + 1 else 0.002) * wave} for job in jobs]
+
+    found = of_tolerances(model(False, False, False), (), run)
+    expected = np.sqrt((3.0 * 0.002**2 + 0.05**2) / 4.0)
+    for one in found:
+        assert np.sqrt(one.varying / BOTH) == pytest.approx(expected)
+
+
 def test_a_robot_that_the_engine_cannot_run_tells_nothing():
     (found,) = of_tolerances(model(False), (), replaying([], np.full(len(ROW), np.nan)))
     assert not found.total.any()
