@@ -33,7 +33,7 @@ FAR = 3.0  #: times that from which no tolerances are looked for that leave less
 #: believed; ten nulls of the other engine had 1.0 to 1.4
 SAMPLES = 1.6
 #: the same where robots stand, of noise with what is chance in it: six nulls of other engines had
-#: 0.1 to 0.8, and a PhantomX of the engine of proofs 1.6
+#: 0.1 to 0.8, two Marvins of the engine of proofs 0.5, and two PhantomXs 1.6
 STANDING = 2.0
 VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
 DUTIES_OFF = 4.0  #: deviations of duties from which they show another law
