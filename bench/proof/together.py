@@ -1,6 +1,6 @@
 """Several runs of a proof counted together, from the tables that each has left.
 
-    python -m bench.proof.together docs/proof/robots-*-run/cases.csv
+    python -m bench.proof.together docs/proof/robots/run-*/cases.csv
 
 prints rows for a page. Runs are of different states of the diagnosis, each frozen: together they
 say how good it has been, and no run alone has cases enough for that.

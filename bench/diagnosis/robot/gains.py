@@ -11,7 +11,7 @@ from .fit import RobotFit
 from .screen import Screened
 
 #: fits of one hypothesis end so many nats apart by where they begin; source: measured of opened
-#: cases, 10 to 26, docs/proof/robots-fifth-run.md
+#: cases, 10 to 26, docs/proof/robots/run-05.md
 APART_NATS = 20.0
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
 HOPELESS = 150.0  #: loss [nats] with which a spring is not tried again beside what is taken
