@@ -69,6 +69,16 @@ def test_a_joint_that_trembles_about_the_end_of_its_turn_shows_no_glitches():
     assert found(columns, "glitches")
 
 
+@pytest.mark.parametrize(("every", "odd"), [(1, True), (5, False)])
+def test_a_load_that_was_read_seldom_may_have_come_and_gone_between(every, odd):
+    """Read every 20 ms a single leap is no load's; read every 100 ms it may be a step's."""
+    columns = joint()
+    times, raw = columns["present_pwm", "read"]
+    raw[100] = 885
+    columns["present_pwm", "read"] = times[::every], raw[::every]
+    assert bool(found(columns, "glitches")) is odd
+
+
 def test_a_saturated_register_is_told_with_its_share():
     columns = joint()
     columns["present_pwm", "read"][1][100:130] = 885

@@ -22,6 +22,8 @@ GLITCH_COUNTS = 12.0
 BEYOND = 1.5
 #: speeds, currents and voltages leap in earnest: a bad one is off by this share; assumed
 LEAP = 0.2
+#: and samples on both sides of it are no farther apart [s]: a push comes and goes in that; assumed
+PUSH_S = 0.1
 #: a register at its end for this share of the samples is saturated; assumed
 SATURATED = 0.005
 #: counts that a position must span to be a motion; assumed: three times a potentiometer's noise
@@ -132,6 +134,8 @@ def glitches(series: Channel, counts: Floats) -> NDArray[np.intp]:
         for step in range(width):
             off = np.abs(_wrapped(x[1 + step : len(x) - width + step] - level, turn))
             here = (off > limit) & (agree < 0.34 * off)
+            if series.name in LIVELY:
+                here &= series.t_s[there[width + 1 :]] - series.t_s[there[: -width - 1]] < PUSH_S
             if width == 2:
                 other = x[2 - step : len(x) - 1 - step]
                 here &= np.abs(_wrapped(other - level, turn)) > limit
