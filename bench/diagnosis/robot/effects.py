@@ -35,9 +35,10 @@ OUTSIDE = frozenset(
         "stall_torque",
         "thermal_derating",
         "torque_droop",
-        "zero_offset",
     }
 )
+#: effects of one specimen, which no two joints have alike
+SINGLE = frozenset({"zero_offset"})
 EVERYWHERE = "all"
 CARRYING = ("femur", "tibia")  #: joints with level axes, which carry the robot; gears wear in both
 #: ``z`` of a first try, where the unit is far from what one meets
@@ -104,6 +105,8 @@ def _places(kind: Effect, robot: PhysicalRobot) -> list[tuple[str, tuple[str, ..
     legs = [leg.name for leg in robot.legs]
     if kind.scope is Scope.JOINT:
         names = [joint.name for joint in robot.joints]
+        if kind.name in SINGLE:
+            return [(name, (name,)) for name in names]
     elif kind.scope is Scope.LEG:
         return [(EVERYWHERE, ()), *((leg, (leg,)) for leg in legs)]
     elif kind.scope is Scope.BODY:

@@ -31,6 +31,7 @@ ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
 #: deviations that a zero may take: one that was set a tooth aside is no finding here; assumed
 ZERO_WITHIN = 4.0
 
+ZERO = "zero"  #: first word of a nuisance of one joint's zero
 LATE = "late"  #: nuisance of when commands act, beside what replays take for that
 TIPS = "tips"  #: nuisance of feet that are not rigid
 TIP_KG = 0.07  #: on a tip that touches the ground, for its damping; assumed: a tibia's share
@@ -68,6 +69,11 @@ class RobotNuisance(Reaching):
     same: tuple[str, ...] = ()
     least: float | None = None
     idle: tuple[str, ...] = ()
+
+    @property
+    def common(self) -> bool:
+        """Whether it is of the whole robot, and has an effect's name; zeros are a joint's."""
+        return bool(self.same) and self.name.split()[0] != ZERO
 
     def far(self, z: float, share: float) -> bool:
         """Whether it has gone that share of as far as it may, and so stands in for something."""
@@ -217,6 +223,7 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
                 "zero +-1 deg",
                 f"zero {joint.name}",
                 reach=ZERO_WITHIN,
+                same=(f"zero_offset@{joint.name}",),
             )
         )
         for what, spread in (("torque", 0.10), ("friction", 0.30)):

@@ -49,7 +49,7 @@ class RobotSearch(Steps):
         base = base or self.believed()
         self.around(base)
         first = self.screen(base)
-        looked = self._worth_looking(first)
+        looked = self._worth_looking(first, stretched(model.nuisances, base.nuisances))
         wanted = [name for name in looked if model.placed[name].effect.name not in without]
         self._say(f"replaying {len(wanted)} effects")
         ranking = first.rank(wanted)
@@ -265,8 +265,8 @@ class RobotSearch(Steps):
         noise = dict(now.noise)
         return Screen(self.model, noise, left, self.sight.kinds, some, now.names, held)
 
-    def _worth_looking(self, screen: Screen) -> list[str]:
-        """All that is everywhere or of a kind, and places in legs that stand out."""
+    def _worth_looking(self, screen: Screen, named: Collection[str]) -> list[str]:
+        """All that is everywhere or of a kind or ``named``, and places in legs that stand out."""
         legs = {leg.name for leg in self.model.base.legs}
         joints = {joint.name for joint in self.model.base.joints}
         worst = set(screen.standing_out())
@@ -274,7 +274,8 @@ class RobotSearch(Steps):
         for name in self.model.placed:
             place = name.partition("@")[2]
             leg = leg_of(place, legs)
-            if not leg or (leg in worst and (place in worst or place not in joints)):
+            stands_out = leg in worst and (place in worst or place not in joints)
+            if not leg or stands_out or name in named:
                 names.append(name)
         return names
 

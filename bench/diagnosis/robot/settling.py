@@ -230,7 +230,7 @@ class RobotJudges:
         at_ends = self.at_ends(found)
         names = [n.name for n in at_ends if not set(let_go).intersection(n.same)]
         pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
-        squares = [z**2 for n, z in pairs if n.same]
+        squares = [z**2 for n, z in pairs if n.common]
         return tuple(names) if len(names) > ENDS and sum(squares) > len(squares) else ()
 
     def at_ends(self, found: RobotFit) -> list[RobotNuisance]:
@@ -241,7 +241,7 @@ class RobotJudges:
         if self.stands:
             return []
         pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
-        return [n for n, z in pairs if n.same and n.far(z, AT_END)]
+        return [n for n, z in pairs if n.common and n.far(z, AT_END)]
 
     def over_noise(self, found: RobotFit, which: Sequence[int]) -> float:
         """Mean square that a fit leaves over that of noise: engines, rounding, scatter of turns.

@@ -298,6 +298,18 @@ def test_two_at_their_ends_among_many_that_are_near_stand_in_for_nothing():
     assert found.strained(taken_as(2.0, 2.0, *13 * [0.8])) == ("mass 0", "mass 1")
 
 
+def test_zeros_of_joints_at_their_ends_stand_in_for_nothing():
+    """A joint's own zero is no tolerance of the robot; far off, it is tried by its name."""
+    zeros = [
+        RobotNuisance(f"zero leg{k}.coxa", "rad", 1.0, "", reach=2.0, same=("x",))
+        for k in range(15)
+    ]
+    found = judges({})
+    found.model.nuisances = zeros
+    assert found.strained(taken_as(*15 * [2.0])) == ()
+    assert found.at_ends(taken_as(*15 * [2.0])) == []
+
+
 def test_without_recordings_that_judge_those_that_were_fitted_say_it():
     left = {0: rms(0.9 * FITTED), 1: rms(0.9 * FITTED)}
     assert judges(left, held_out=False).consistent(BASE)

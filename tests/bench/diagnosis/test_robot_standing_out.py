@@ -50,10 +50,10 @@ def test_no_more_than_two_legs_stand_out():
     assert found == ["leg1", "leg1.coxa", "leg2", "leg2.coxa"]
 
 
-def names(standing):
+def names(standing, named=()):
     search = RobotSearch.__new__(RobotSearch)
     search.model = SimpleNamespace(base=believed(), placed=placed_effects(believed()))
-    return search._worth_looking(SimpleNamespace(standing_out=lambda: standing))
+    return search._worth_looking(SimpleNamespace(standing_out=lambda: standing), named)
 
 
 def test_places_in_legs_are_looked_at_where_they_stand_out():
@@ -64,6 +64,17 @@ def test_places_in_legs_are_looked_at_where_they_stand_out():
     places = {name.partition("@")[2] for name in more}
     assert places == {"leg2", "leg2.femur+tibia", "leg2.tibia"}
     assert {"backlash@leg2.femur+tibia", "gain_error@leg2.tibia", "foot_compliance@leg2"} <= more
+
+
+def test_what_stands_for_a_tolerance_at_its_end_is_looked_at_wherever_it_is():
+    usual = set(names([]))
+    assert set(names([], {"zero_offset@leg3.tibia"})) - usual == {"zero_offset@leg3.tibia"}
+
+
+def test_a_zero_is_off_in_one_joint_alone():
+    known = placed_effects(believed())
+    zeros = {one.place: one.where for one in known.values() if one.effect.name == "zero_offset"}
+    assert zeros == {joint.name: (joint.name,) for joint in believed().joints}
 
 
 def test_joints_and_the_two_that_carry_are_places_of_a_leg():
