@@ -17,6 +17,7 @@ class Sight:
     upright: bool  #: the shaft is vertical: gravity does no work
     all_feet: bool = False  #: a robot walks, and what is hidden is in all legs alike
     no_duty: bool = False  #: neither duty nor load register was read; a voltage may have been
+    legs: bool = False  #: of a whole robot on its legs, not of one joint
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,7 @@ class Alike:
     upright: bool = False  #: holds only on a vertical shaft
     all_feet: bool = False  #: holds only of all feet of a robot that walks
     no_duty: bool = False  #: holds only where neither duty nor load was read
+    one_joint: bool = False  #: holds only of one joint: the trunk's centre is in no joint
 
     def holds(self, sight: Sight) -> bool:
         """Whether the data cannot tell them apart."""
@@ -36,6 +38,7 @@ class Alike:
             (sight.position_only or not self.position_only)
             and (sight.upright or not self.upright)
             and (sight.all_feet or not self.all_feet)
+            and not (sight.legs and self.one_joint)
             and (sight.no_duty or sight.position_only or not self.no_duty)
         )
 
@@ -48,6 +51,7 @@ ALIKE = (
     Alike(
         frozenset({"com_offset", "zero_offset"}),
         "both turn the phase of gravity against the shown angle",
+        one_joint=True,
     ),
     Alike(
         frozenset({"transport_delay", "read_skew"}),

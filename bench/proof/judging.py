@@ -167,7 +167,8 @@ def _sight(key: Mapping[str, Any]) -> Sight:
         style = key.get("style", POSITION_STYLE)
         every = key["concealment"] != Concealment.RARE.value
         no_duty = LOAD not in READS.get(style, ())
-        return Sight(style == POSITION_STYLE, upright=False, all_feet=every, no_duty=no_duty)
+        only = style == POSITION_STYLE
+        return Sight(only, upright=False, all_feet=every, no_duty=no_duty, legs=True)
     return Sight(key["style"] == POSITION_STYLE, RIGS[key["rig"]].upright)
 
 

@@ -35,7 +35,7 @@ def of_robot(case: Path) -> bool:
 def sight_of(case: Path) -> Sight:
     """What the recordings of a case can show: from the robot file and a recording."""
     if of_robot(case):
-        return Sight(position_only=True, upright=False, all_feet=True)
+        return Sight(position_only=True, upright=False, all_feet=True, legs=True)
     robot: dict[str, Any] = tomllib.loads((case / "robot.toml").read_text("utf-8"))
     x, y, z = robot["body"][0]["axis"]["value"]
     first = read(min((case / "recordings").glob("*.parquet")))

@@ -187,3 +187,9 @@ def test_a_voltage_that_a_robot_read_tells_a_supply_from_a_gain(style, one):
     )
     late = {"read_skew"} if "load" in str(style) else {"transport_delay", "read_skew"}
     assert same("read_skew", sight) == late
+
+
+def test_the_centre_of_a_trunk_is_no_zero_of_a_joint():
+    assert same("com_offset", Sight(False, False)) == {"com_offset", "zero_offset"}
+    told = {"rig": "marvin-walk", "concealment": "plain"}
+    assert same("com_offset", _sight(told)) == {"com_offset"}

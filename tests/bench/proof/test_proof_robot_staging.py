@@ -44,6 +44,7 @@ def test_what_is_deleted_from_a_robot_goes_with_all_that_is_one_with_it(case, tm
     assert told["without"] == ["foot_compliance", "ground_compliance"]
     assert told["held_out"] == ["loaded"]
     assert sight_of(folder).position_only
+    assert sight_of(folder).legs
 
 
 def test_a_small_catalogue_leaves_the_rest_out():
