@@ -19,6 +19,7 @@ from ..noise import Block, Noise
 from ..result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
 from ..watch import OutOfTimeError
 from .causes import cause_of, close_rivals
+from .effects import SINGLE
 from .features import MEANS, RobotKind
 from .fit import RobotFit
 from .gains import RobotFindings, RobotGain
@@ -218,8 +219,11 @@ class Work:
     def named(self, base: RobotFit, without: frozenset[str], again: bool) -> Named:
         """What :meth:`searched` gives, where more than noise is left.
 
-        Else no more than what stands for tolerances at their ends, if there is time for that.
+        Else no more than what stands for tolerances at their ends, if there is time for that. Where
+        a robot stands, chance drags zeros to their ends, and no joint's zero is named.
         """
+        if self.held.stands:
+            without |= SINGLE
         if not self.held.consistent(base):
             return self.searched(base, without, again)
         found = self.search.nothing(base)

@@ -28,7 +28,7 @@ from ..joint.nuisances import PUNCH, SHARE, STALL, WITHIN, Reaching
 Floats = NDArray[np.float64]
 
 ROOT3 = math.sqrt(3.0)  #: a uniform spread of +-b has the deviation b / sqrt(3)
-#: deviations that a zero may take: one that was set a tooth aside is no finding here; assumed
+#: deviations that a zero may take, 2.3 degrees: farther off it is a finding; assumed
 ZERO_WITHIN = 4.0
 
 ZERO = "zero"  #: first word of a nuisance of one joint's zero
@@ -217,11 +217,11 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
     for joint in robot.joints:
         found.append(
             RobotNuisance(
-                f"zero {joint.name}",
+                f"{ZERO} {joint.name}",
                 "rad",
                 math.radians(1.0) / ROOT3,
                 "zero +-1 deg",
-                f"zero {joint.name}",
+                f"{ZERO} {joint.name}",
                 reach=ZERO_WITHIN,
                 same=(f"zero_offset@{joint.name}",),
             )
@@ -247,7 +247,7 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
             )
         )
     for trial in trials(robot):
-        if trial.name.split()[0] not in ("zero", "torque", "friction"):
+        if trial.name.split()[0] not in (ZERO, "torque", "friction"):
             unit, deviation, source = COMMON[trial.name.split()[0]]
             if trial.name in aside:
                 deviation = math.hypot(deviation, aside[trial.name])
@@ -341,7 +341,7 @@ def trials(robot: PhysicalRobot) -> tuple[Trial, ...]:
 def _changes(robot: PhysicalRobot) -> list[Trial]:
     found = [
         Trial(
-            f"zero {j.name}",
+            f"{ZERO} {j.name}",
             math.radians(1.0) / ROOT3,
             _of_effect("zero_offset", "offset_rad", (j.name,)),
         )

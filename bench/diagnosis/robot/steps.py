@@ -35,7 +35,7 @@ HELD_OUT = 1.5  #: gain [nats, deflated] on groups of recordings left out, of on
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it
 PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance at its end
 #: promise [nats] from which they are. What is called noise before anything is named has what is
-#: the matter in it: a limit of one leg's speed promised 6.9 and gained 497
+#: the matter in it: a limit of one leg's speed promised 6.9 and gained 497. Assumed
 HINTED = 2.0
 BEST = 2  #: of them that are fitted to the end
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start

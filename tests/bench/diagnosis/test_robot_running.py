@@ -117,6 +117,7 @@ def test_where_no_more_than_noise_is_left_only_tolerances_at_their_ends_are_aske
     work.held = SimpleNamespace(
         consistent=lambda base: consistent,
         at_ends=lambda base: ["tilt"] if at_ends else [],
+        stands=False,
         kept=kept,
     )
     found, taken, after, _ = work.named("believed", frozenset(), True)
@@ -124,3 +125,29 @@ def test_where_no_more_than_noise_is_left_only_tolerances_at_their_ends_are_aske
     assert bool(taken) is (asked != "believed")
     if asked == "believed":
         assert (found.base, found.fit, found.taken) == ("believed", "believed", ())
+
+
+@pytest.mark.parametrize("consistent", [True, False])
+@pytest.mark.parametrize("stands", [True, False])
+def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands, consistent):
+    """There chance drags zeros as far as they may go."""
+    model = SimpleNamespace(observed=[SimpleNamespace(name="walk", group="walk")] * 2, floors=dict)
+    work, asked = Work(model, None, [0], [1], "", late, print), []
+
+    def found(*without):
+        asked.append(set().union(*without))
+        return RobotFindings("base", "fit", (), (), {}, ())
+
+    work.search = SimpleNamespace(
+        nothing=lambda base: found,
+        beyond=lambda base, without: found(without),
+        run=lambda without, base, done: found(without),
+    )
+    work.held = SimpleNamespace(
+        consistent=lambda base: consistent,
+        at_ends=lambda base: ["tilt"],
+        kept=lambda found, say: ([], "fit", ()),
+        stands=stands,
+    )
+    work.named("base", frozenset({"punch"}), True)
+    assert asked == [{"punch", *(["zero_offset"] if stands else [])}]
