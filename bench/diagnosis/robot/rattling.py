@@ -69,6 +69,11 @@ class ShakingSearch(RobotSearch):
         most = self._most(gains)
         return gains if any(is_play(gain.name) for gain in most) else []
 
+    @staticmethod
+    def _most(promised: Sequence[RobotGain]) -> list[RobotGain]:
+        """The few that promise most, of those that promise what a name needs."""
+        return [gain for gain in RobotSearch._most(promised) if gain.nats >= NEEDED]
+
     def _from_far(self, found: RobotFit) -> RobotFit:
         return found
 

@@ -218,7 +218,7 @@ def test_where_joints_shake_for_no_reason_the_report_says_so():
 
 def test_a_search_on_shaking_is_a_search_but_for_springs_and_whole_recordings():
     own = {name for name in vars(ShakingSearch) if not name.startswith("__")}
-    assert own == {"_sought", "_step", "_from_far", "_whole_square"}
+    assert own == {"_sought", "_step", "_most", "_from_far", "_whole_square"}
     assert all(callable(getattr(RobotSearch, name)) for name in own)
     search = object.__new__(ShakingSearch)
     search.sight = None
