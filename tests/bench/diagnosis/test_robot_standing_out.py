@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from walking_robots import believed, marvin, walked_with
+from walking_robots import believed, but, marvin, walked_with
 
 from bench.diagnosis.robot.effects import CARRYING, leg_of, placed_effects
 from bench.diagnosis.robot.features import MEANS, RobotKind
@@ -99,7 +99,8 @@ def test_a_place_is_in_a_leg_or_in_none(place, leg):
 
 @pytest.fixture(scope="module")
 def model():
-    with RobotModel(believed(), marvin(), [walked_with({}, 3)], processes=1) as made:
+    known, courses = but("zero"), [walked_with({}, 3)]
+    with RobotModel(believed(), marvin(), courses, without=known, processes=1) as made:
         yield made
 
 

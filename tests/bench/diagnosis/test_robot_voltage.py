@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from walking_robots import believed, marvin, walked, walked_by
+from walking_robots import believed, but, marvin, walked, walked_by
 
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import Features, RobotKind
@@ -20,6 +20,7 @@ from busemu.tables import load_robot
 from busemu.timing import load_profile
 from sim.world import BulletPlant
 
+KNOWN = but("supply", "gain", "motors")
 COUNT_V = 0.1  #: of the register
 LESS = 0.8  #: of what is believed
 
@@ -92,7 +93,7 @@ def test_without_voltages_or_with_too_few_there_is_no_such_channel():
 @pytest.fixture(scope="module")
 def model():
     courses = [told(believed()), told(with_supply(LESS)), told(with_gain(LESS))]
-    with RobotModel(believed(), marvin(), courses, processes=1) as made:
+    with RobotModel(believed(), marvin(), courses, without=KNOWN, processes=1) as made:
         yield made
 
 
@@ -147,7 +148,7 @@ def read_in(course, parity):
 def test_a_repeat_whose_voltage_was_read_at_other_phases_moves_as_the_first_does():
     courses = [read_in(told(believed()), parity) for parity in (0, 1)]
     kind, less = RobotKind.VOLTAGE, (("supply_voltage@all", LESS),)
-    with RobotModel(believed(), marvin(), courses, processes=1) as made:
+    with RobotModel(believed(), marvin(), courses, without=KNOWN, processes=1) as made:
         zero = np.zeros(len(made.nuisances))
         known = [np.isfinite(made.recorded(r, kind)) for r in (0, 1)]
         assert not (known[0] & known[1]).any()

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from bench.diagnosis.robot.effects import placed_effects
+from bench.diagnosis.robot.nuisances import nuisances
 from bench.diagnosis.robot.replay import Course, Jitter, course, play
 from bench.recording import Recording
 from bench.running import Steering, in_process, walk_in
@@ -41,6 +42,11 @@ def recorded_walk() -> Recording:
 @cache
 def walked() -> Course:
     return course(recorded_walk(), marvin())
+
+
+def but(*words: str) -> set[str]:
+    """The first words of all tolerances but some, which a model that needs few takes for known."""
+    return {n.name.split()[0] for n in nuisances(believed(), 0.005)} - {*words, "reading"}
 
 
 def walked_with(effects: dict[str, float], seed: int) -> Course:
