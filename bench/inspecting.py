@@ -68,12 +68,18 @@ class Overview:
 
     rows: list[tuple[str, str, str, str]] = field(default_factory=list)
     kinds: Counter[str] = field(default_factory=Counter)
+    worst: tuple[tuple[int, int], Path] | None = None  #: how odd the oddest is, and its file
 
-    def add(self, recording: Recording) -> None:
-        """Take a recording into account."""
+    def add(self, recording: Recording, path: Path) -> None:
+        """Take a recording, and the file that it was in, into account."""
         found = oddities(recording).found
         kinds = list(dict.fromkeys((o.weight, o.kind) for o in found if o.weight > Weight.NOTE))
         self.kinds.update({o.kind for o in found})
+        if found:
+            heaviest = max(o.weight for o in found)
+            odd = (int(heaviest), len(kinds))
+            if self.worst is None or odd > self.worst[0]:
+                self.worst = odd, path
         words = ", ".join(f"[{STYLES[weight]}]{kind}[/]" for weight, kind in kinds)
         self.rows.append(
             (escape(recording.name), str(len(recording)), f"{recording.duration_s:.2f}", words)
@@ -89,7 +95,9 @@ class Overview:
         console.print(table)
         told = ", ".join(f"{kind} in {count}" for kind, count in self.kinds.most_common())
         console.print(f"\n{len(self.rows)} recordings: {told or 'nothing odd'}", highlight=False)
-        console.print("why it matters, and what to do: busemu inspect with one of them")
+        if self.worst is not None:
+            told = f"where, why it matters, and what to do: busemu inspect {self.worst[1]}"
+            console.print(told, highlight=False, markup=False, soft_wrap=True)
 
 
 def write_pictures(recording: Recording, folder: Path) -> list[Path]:

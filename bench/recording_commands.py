@@ -60,7 +60,7 @@ def inspect(
             for recording in found or ():
                 if len(paths) <= DESCRIBED:
                     report(recording, console)
-                overview.add(recording)
+                overview.add(recording, path)
                 if out is not None:
                     for picture in write_pictures(recording, out):
                         console.print(f"picture {picture}", soft_wrap=True, highlight=False)

@@ -51,6 +51,16 @@ def test_many_recordings_make_an_overview(tmp_path):
     assert "7 recordings: " in done.stdout
 
 
+def test_an_overview_says_which_file_to_look_into_first(tmp_path):
+    for k in range(7):
+        reads = [
+            read_row(0.01 * n, 1, nan if k == 4 and n < 9 else 500 + n % 90) for n in range(400)
+        ]
+        write(Recording.of(reads, MARVIN | {"name": f"walk{k}"}), tmp_path / f"walk{k}.parquet")
+    done = busemu("inspect", tmp_path)
+    assert f"what to do: busemu inspect {tmp_path / 'walk4.parquet'}\n" in done.stdout
+
+
 def test_an_overview_names_a_kind_once_however_it_weighs(tmp_path):
     for lost in range(7):
         reads = [read_row(0.01 * k, 1, nan if k < lost else 500 + k % 90) for k in range(400)]
