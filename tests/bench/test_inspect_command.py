@@ -52,10 +52,10 @@ def test_many_recordings_make_an_overview(tmp_path):
 
 
 def test_an_overview_says_which_file_to_look_into_first(tmp_path):
+    lost = {2: 1, 4: 9}
     for k in range(7):
-        reads = [
-            read_row(0.01 * n, 1, nan if k == 4 and n < 9 else 500 + n % 90) for n in range(400)
-        ]
+        raw = [nan if n < lost.get(k, 0) else 500 + n % 90 for n in range(400)]
+        reads = [read_row(0.01 * n, 1, value) for n, value in enumerate(raw)]
         write(Recording.of(reads, MARVIN | {"name": f"walk{k}"}), tmp_path / f"walk{k}.parquet")
     done = busemu("inspect", tmp_path)
     assert f"what to do: busemu inspect {tmp_path / 'walk4.parquet'}\n" in done.stdout
