@@ -16,7 +16,7 @@ from .model import Hypothesis, JointModel
 from .screening import screen
 from .search import Gain, Progress, confirm, drop
 from .valleys import elsewhere
-from .veto import PLAINER, SPLIT
+from .veto import PLAINER, SAME_SHARE, SPLIT
 
 TRIED = 3  #: rivals that are fitted in an effect's place
 CLOSE = 4.0  #: nats (deflated) within which a rival is not told apart
@@ -32,6 +32,7 @@ AS_GOOD = 3.5
 #: nats within which a rival is begun from elsewhere. Fits of one hypothesis ended up to 25 apart by
 #: where they began, in a case that was opened (0009 of the nineteenth run)
 NEAR_NATS = 40.0
+DRIVING, BACKDRIVING = "driving", "backdriving"  #: the numbers of what is split
 TEMPER = 0.5  #: of gains, when they become probabilities: see docs on power
 
 
@@ -61,8 +62,14 @@ def rivals(
         tried += _split(model, name, without, known)
     tried = [_from_elsewhere(model, gain) if _near(own, gain) else gain for gain in tried]
     probability, close = _among(model, own, tried)
-    fits = {gain.effect: gain.fit for gain in tried}
-    return probability, close, {r.effect: fits[r.effect] for r in close}, without
+    one = SPLIT[name] if passed_on(own) else None  # no experiment tells that from itself
+    fits = {gain.effect: gain.fit for gain in tried if gain.effect != one}
+    return (
+        probability,
+        close,
+        {r.effect: fits[r.effect] for r in close if r.effect in fits},
+        without,
+    )
 
 
 def _split(model: JointModel, name: str, without: Fit, known: Sequence[Gain]) -> list[Gain]:
@@ -129,6 +136,8 @@ def _among(model: JointModel, named: Gain, tried: Sequence[Gain]) -> tuple[float
         pair = {named.effect, other, plainer}
         if len(pair) == 2 and upright(model):
             behind |= {one: min(behind[one], AS_GOOD) for one in pair & set(behind)}
+    if passed_on(named) and SPLIT[named.effect] in behind:
+        behind[SPLIT[named.effect]] = 0.0
     alike = [
         g.effect
         for g in tried
@@ -156,6 +165,20 @@ def upright(model: JointModel) -> bool:
     none = np.zeros(len(model.nuisances))
     loads = [model.candidate(Hypothesis(), none, r).load for r in range(len(model.observed))]
     return not any(np.any(load.sine_nm) or np.any(load.cosine_nm) for load in loads)
+
+
+def passed_on(named: Gain) -> bool:
+    """Whether a friction that was split in two knows only the torque that comes from outside.
+
+    Friction that grows with what a gear passes on, and with nothing else, is the same both ways:
+    many call that by the name of what was split.
+    """
+    if named.effect not in SPLIT:
+        return False
+    knobs, count = named.fit.hypothesis.knobs, len(named.fit.hypothesis.knobs)
+    numbers = zip(knobs, named.fit.z[-count:].tolist(), strict=True)
+    own = {k.parameter.name: k.value(z) for k, z in numbers if k.effect == named.effect}
+    return own[DRIVING] < SAME_SHARE * own[BACKDRIVING]
 
 
 def _in_other_words(gain: Gain, named: Gain) -> bool:

@@ -85,3 +85,20 @@ def test_a_share_is_of_what_the_robot_file_leaves(name, field):
     (more,) = effect(name).apply(read_model(robot()), (), {"share": 0.9}).joints
     believed = Candidate(joint.drive.column(), Load(1e-3, np.zeros(1), np.zeros(1)), 5.0, 0.0)
     assert nuisance.change(believed, 0.5).drive[field] == pytest.approx(more.drive.column()[field])
+
+
+def test_friction_of_what_the_gear_passes_on_alone_may_be_called_either():
+    truth = {
+        "directional_load_friction": {"driving": 0.0, "backdriving": RATIO},
+        "load_of_gear": {"share": 1.0},
+    }
+    observed = observe(logs(truth, registers=(POSITION,)), robot(), JOINT)
+    effects = {name: effect(name) for name in ASKED}
+    one = diagnose_joint(read_model(robot()), robot(), observed, effects=effects)
+    (cause,) = one.diagnosis.causes
+    assert cause.effect == "directional_load_friction"
+    assert cause.parameters["backdriving"].value == pytest.approx(RATIO, rel=0.1)
+    (rival,) = cause.indistinguishable_from
+    assert rival.effect == "load_friction"
+    assert rival.probability == pytest.approx(cause.probability)
+    assert one.diagnosis.next_experiment == ()
