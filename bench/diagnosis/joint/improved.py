@@ -37,6 +37,7 @@ from .left import runs_away
 from .model import Blocks, JointModel, Kind
 from .nuisances import LOAD_OF_GEAR, PRESLIDING, PUNCH, STALL, Nuisance
 from .remaining import block_rms
+from .shared import mean, of_robot
 
 Floats = NDArray[np.float64]
 
@@ -103,8 +104,9 @@ def _of_arm(made: Sequence[Addition], joints: int) -> list[Addition]:
     """What joints found for themselves as additions to one arm.
 
     What every joint has of its own stays. What the whole robot has once (its supply, its bus) is
-    the median over all joints, those that found nothing counting as off. Masses are left out: a
-    joint's scale is of all that hangs on it, and bodies hang on several joints.
+    the median over all joints, those that found nothing counting as off; or the mean that the
+    diagnosis tells, if most of them found it. Masses are left out: a joint's scale is of all that
+    hangs on it, and bodies hang on several joints.
     """
     own = [addition for addition in made if addition.effect.scope is Scope.JOINT]
     shared = [a for a in made if a.effect.scope in SHARED]
@@ -112,10 +114,16 @@ def _of_arm(made: Sequence[Addition], joints: int) -> list[Addition]:
         some = [a for a in shared if a.effect.name == name]
         estimates = {}
         for key, off in some[0].effect.off.items():
+            told = [a.estimates[key] for a in some if key in a.estimates]
+            known = [(one.value, one.ci95) for one in told if one.ci95 is not None]
+            if of_robot(name) and 2 * len(known) > joints:
+                value, interval = mean(*zip(*known, strict=True))
+                source = f"mean over {len(known)} joints; {told[0].source}"
+                estimates[key] = Estimate(value, source, interval)
+                continue
             values = [a.values[key] for a in some] + [off] * (joints - len(some))
             if (value := statistics.median(values)) != off:
-                source = next(a.estimates[key].source for a in some if key in a.estimates)
-                estimates[key] = Estimate(value, f"median over {joints} joints; {source}")
+                estimates[key] = Estimate(value, f"median over {joints} joints; {told[0].source}")
         if estimates:
             own.append(Addition(some[0].effect, (), estimates))
     return own

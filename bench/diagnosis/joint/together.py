@@ -10,19 +10,25 @@ import numpy as np
 
 from ..result import Diagnosis, FitSummary, verdict_of
 from .diagnosis import JointFindings
+from .shared import united
 
 
 def together(findings: Sequence[JointFindings]) -> Diagnosis:
     """One diagnosis of all joints; that of a single joint as it is.
 
     Consistent only if all joints are; unexplained if something is left and no joint has a cause;
-    partly explained if something is left at any joint. ``fit`` is the deviation over the positions
-    of all joints; what each joint has by itself stands in ``details`` under ``joints``.
+    partly explained if something is left at any joint. What the robot has once is one cause of all
+    joints that found it. ``fit`` is the deviation over the positions of all joints; what each joint
+    has by itself stands in ``details`` under ``joints``.
     """
     if len(findings) == 1:
         return findings[0].diagnosis
     each = [found.diagnosis for found in findings]
-    causes = tuple(cause for d in each for cause in d.causes)
+    explainable = {
+        joint_of(one): _count(one) * max(0.0, d.fit.before**2 - d.fit.noise_floor**2)
+        for one, d in zip(findings, each, strict=True)
+    }
+    causes = united([cause for d in each for cause in d.causes], explainable)
     unexplained = tuple(rest for d in each for rest in d.unexplained)
     verdict = verdict_of(bool(causes), bool(unexplained))
     return Diagnosis(
