@@ -69,6 +69,10 @@ def test_what_is_on_the_trunk_stands_in_the_recording_and_has_no_phase_of_a_gait
     condition = measured.recording.metadata["condition"]
     assert (condition["payload_kg"], condition["programme"]) == (0.092, "sway")
     assert draft.case.truth(plan)[0].body.payload_kg == 0.092
+
+
+@pytest.mark.slow
+def test_an_effect_of_a_robot_that_stands_is_as_large_as_asked_and_has_no_share_in_stance():
     case = draw_legged(5, Asked("single", ("gain_error",), 4.0, "plain", SCENE.name))
     assert case.hidden[0].ratio == pytest.approx(4.0, rel=0.5)
     assert case.hidden[0].walking(SCENE) == pytest.approx(4.0, rel=0.5)

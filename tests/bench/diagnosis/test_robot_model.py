@@ -203,7 +203,11 @@ def test_a_robot_as_believed_is_consistent(model):
 
 
 @pytest.mark.parametrize(
-    ("r", "name"), [(TIPS, "foot_compliance@all"), (SOFT, "joint_compliance@all")]
+    ("r", "name"),
+    [
+        (TIPS, "foot_compliance@all"),
+        pytest.param(SOFT, "joint_compliance@all", marks=pytest.mark.slow),
+    ],
 )
 def test_an_effect_gains_the_most_under_its_own_name(model, r, name):
     ranking = screened(model, r).rank(TRIED)
@@ -212,7 +216,11 @@ def test_an_effect_gains_the_most_under_its_own_name(model, r, name):
 
 
 @pytest.mark.parametrize(
-    ("r", "name"), [(TIPS, "foot_compliance@all"), (SOFT, "joint_compliance@all")]
+    ("r", "name"),
+    [
+        (TIPS, "foot_compliance@all"),
+        pytest.param(SOFT, "joint_compliance@all", marks=pytest.mark.slow),
+    ],
 )
 def test_a_fit_finds_the_size_of_an_effect(model, r, name):
     """By exact replays it is as likely as the true robot, which has no tolerances."""
