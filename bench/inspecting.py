@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 
 from rich.console import Console
 from rich.markup import escape
@@ -96,7 +97,9 @@ class Overview:
         told = ", ".join(f"{kind} in {count}" for kind, count in self.kinds.most_common())
         console.print(f"\n{len(self.rows)} recordings: {told or 'nothing odd'}", highlight=False)
         if self.worst is not None:
-            told = f"where, why it matters, and what to do: busemu inspect {self.worst[1]}"
+            told = (
+                f"where, why it matters, and what to do: busemu inspect {quote(str(self.worst[1]))}"
+            )
             console.print(told, highlight=False, markup=False, soft_wrap=True)
 
 

@@ -67,6 +67,8 @@ def _one(same: Sequence[Cause], explainable: Mapping[str, float]) -> Cause:
 def _estimate(same: Sequence[Cause], name: str) -> Estimate:
     every = [cause.parameters[name] for cause in same]
     value, interval = mean([one.value for one in every], [one.ci95 for one in every])
+    known = effect(same[0].effect).parameter(name)  # as wide as they differ may be beyond that
+    interval = max(known.low, interval[0]), min(known.high, interval[1])
     surest = min(every, key=lambda one: one.ci95[1] - one.ci95[0])
     return Estimate(value, interval, surest.unit, surest.state)
 

@@ -203,11 +203,7 @@ def test_a_robot_as_believed_is_consistent(model):
 
 
 @pytest.mark.parametrize(
-    ("r", "name"),
-    [
-        (TIPS, "foot_compliance@all"),
-        pytest.param(SOFT, "joint_compliance@all", marks=pytest.mark.slow),
-    ],
+    ("r", "name"), [(TIPS, "foot_compliance@all"), (SOFT, "joint_compliance@all")]
 )
 def test_an_effect_gains_the_most_under_its_own_name(model, r, name):
     ranking = screened(model, r).rank(TRIED)

@@ -55,6 +55,14 @@ def test_a_weight_that_several_joints_found_is_one():
     assert one.parameters["mass_kg"].value == pytest.approx(0.03)
 
 
+def test_joints_that_disagree_however_much_tell_no_weight_below_nothing():
+    every = [cause("payload", "coxa", 0.01, 0.005), cause("payload", "tibia", 0.08, 0.005)]
+    (one,) = united(every, {"coxa": 1.0, "tibia": 1.0})
+    low, high = one.parameters["mass_kg"].ci95
+    assert low == 0.0
+    assert high > 0.08
+
+
 def test_what_is_as_likely_must_be_so_at_every_joint():
     rivals = {
         "coxa": (Rival("link_mass", ("coxa",), 0.3, 1.0), Rival("com_offset", ("coxa",), 0.1, 2.0)),
