@@ -104,9 +104,9 @@ def _of_arm(made: Sequence[Addition], joints: int) -> list[Addition]:
     """What joints found for themselves as additions to one arm.
 
     What every joint has of its own stays. What the whole robot has once (its supply, its bus) is
-    the median over all joints, those that found nothing counting as off; or the mean that the
-    diagnosis tells, if most of them found it. Masses are left out: a joint's scale is of all that
-    hangs on it, and bodies hang on several joints.
+    the median over all joints, those that found nothing counting as off; or, if most of them found
+    it with an interval, their mean as the diagnosis makes it. Masses are left out: a joint's scale
+    is of all that hangs on it, and bodies hang on several joints.
     """
     own = [addition for addition in made if addition.effect.scope is Scope.JOINT]
     shared = [a for a in made if a.effect.scope in SHARED]
