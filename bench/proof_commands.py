@@ -26,7 +26,7 @@ def prove(
     seed: Annotated[int, typer.Option(min=0, help="Draws the cases; the same gives the same.")],
     out: Annotated[Path, typer.Option(help="Folder for cases, answers, score and figures.")],
     quick: Annotated[
-        bool, typer.Option("--quick", help="Three easy cases and a small catalogue: does it run?")
+        bool, typer.Option("--quick", help="Two easy cases and a small catalogue: does it run?")
     ] = False,
     cases: Annotated[
         int | None,

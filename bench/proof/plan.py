@@ -192,7 +192,6 @@ def _quick(seed: int) -> Iterator[tuple[int, Asked]]:
     for kind, effects, ratio in (
         (Kind.NULL, (), None),
         (Kind.SINGLE, ("transport_delay",), 8.0),
-        (Kind.DELETED, ("coulomb_friction",), 8.0),
     ):
         asked = Asked(
             kind.value,

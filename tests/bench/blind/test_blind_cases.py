@@ -238,6 +238,7 @@ def test_robot_file_has_the_gears_spring_however_it_is_built(
     assert set(key["build"]) == {"sprung", "presliding"}
 
 
+@pytest.mark.slow
 def test_kinds_have_their_number_of_effects() -> None:
     small = {"ratio": 2.0, "concealment": "plain", "rig": "xl330-pendulum", "programme": "slow"}
     for kind, count in (("null", 0), ("pair", 2), ("stranger", 1), ("deleted", 1)):
@@ -308,6 +309,7 @@ def test_reads_fail_in_recordings_for_fitting_where_that_is_hidden(
             draw(1, FAILED_READS)
 
 
+@pytest.mark.slow
 def test_an_effect_that_a_mask_takes_away_is_drawn_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     wish = Asked(
         "single", ("torque_limit",), 2.0, "masked", "mx64-pendulum", "fast", programme="slow"

@@ -101,6 +101,7 @@ def test_the_size_of_a_walk_is_without_standing_up(monkeypatch: pytest.MonkeyPat
     assert disguise.walking(SCENES["marvin-walk"]) is None
 
 
+@pytest.mark.slow
 def test_standing_up_is_over_where_the_share_in_stance_begins(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -117,6 +118,7 @@ def test_standing_up_is_over_where_the_share_in_stance_begins(
     assert share == pytest.approx(later, abs=0.05)  # slipping feet of its start would give 0.50
 
 
+@pytest.mark.slow
 def test_soft_tips_move_joints_that_stand(monkeypatch: pytest.MonkeyPatch) -> None:
     walk = (Group("straight", WalkPlan(seconds=2.5)),)
     scene = Scene("short-walk", "marvin", "ground", walk, (), ("straight",))

@@ -42,6 +42,7 @@ def test_a_middle_leg_of_those_that_stand_is_stretched():
     assert again == pytest.approx(three)
 
 
+@pytest.mark.slow
 def test_three_legs_carry_it_while_one_is_stretched_and_all_else():
     legs = Legs.of(SCENE.robot)
     carries = {}

@@ -296,6 +296,7 @@ def test_where_something_is_left_the_better_model_foretells_best(half, tmp_path)
         assert "least squares" in told["source"]
 
 
+@pytest.mark.slow
 def test_what_foretells_best_has_the_spring_that_the_emulator_has(half, monkeypatch):
     """Though the gear was taken for rigid: numbers fitted so are not the best with a spring."""
     model, after = half
@@ -309,6 +310,7 @@ def test_what_foretells_best_has_the_spring_that_the_emulator_has(half, monkeypa
     assert left[0] < left[1]
 
 
+@pytest.mark.slow
 def test_what_foretells_best_comes_of_several_beginnings(half, monkeypatch):
     """A fit that ends in a hollow is not the end of it."""
     model, after = half

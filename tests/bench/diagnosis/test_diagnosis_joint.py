@@ -88,7 +88,7 @@ def test_a_register_with_a_short_period_of_its_own_is_a_cause():
     assert low <= period_s <= high
 
 
-@pytest.mark.parametrize("repeats", [1, 2])
+@pytest.mark.parametrize("repeats", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_motion_that_alone_reaches_a_limit_is_fitted_after_all_if_it_was_repeated(repeats):
     """One repeat is fitted and the other judges; a motion that was not repeated stays held out."""
     motions = ("slow", "slow", *["steps"] * repeats)
@@ -128,6 +128,7 @@ def test_a_name_is_told_once_as_a_rival_or_as_rejected(monkeypatch):
     assert tuple(found.details["taken_back"]) == back
 
 
+@pytest.mark.slow
 def test_experiments_are_proposed_in_the_order_of_causes(monkeypatch):
     truth = TRUTH | {"dead_zone": {"margin_rad": 0.02}}
     effects = LIMIT | {"dead_zone": effect("dead_zone")}

@@ -37,7 +37,11 @@ def the_one(model):
     return k
 
 
-@pytest.fixture(scope="module", params=[0.0, 1.0], ids=["of gravity", "of the gear"])
+@pytest.fixture(
+    scope="module",
+    params=[0.0, pytest.param(1.0, marks=pytest.mark.slow)],
+    ids=["of gravity", "of the gear"],
+)
 def found(request):
     effects = {name: effect(name) for name in ASKED}
     one = diagnose_joint(read_model(robot()), robot(), seen(request.param), effects=effects)

@@ -195,7 +195,10 @@ def test_what_names_make_worse_is_not_explained(monkeypatch, worse, verdict):
     assert bool(found.diagnosis.unexplained) is worse
 
 
-@pytest.mark.parametrize(("registers", "shown"), [((POSITION,), False), ((POSITION, DUTY), True)])
+@pytest.mark.parametrize(
+    ("registers", "shown"),
+    [((POSITION,), False), pytest.param((POSITION, DUTY), True, marks=pytest.mark.slow)],
+)
 def test_a_name_beside_a_rest_is_no_likelier_than_its_part_of_both(monkeypatch, registers, shown):
     """But where a register shows it by itself."""
     stiff = {"gain_error": {"scale": 1.4}}

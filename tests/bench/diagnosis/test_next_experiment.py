@@ -303,6 +303,7 @@ def test_only_what_promises_most_is_asked_and_no_more_once_one_is_enough():
     assert monotone[0][0] == ASKED - 1
 
 
+@pytest.mark.slow
 def test_an_experiment_for_several_rivals_is_no_surer_than_the_best_for_one(wide, monkeypatch):
     monkeypatch.setattr(proposing, "menu", lambda model: menu(model)[:8])
     monkeypatch.setattr(proposing, "SURE", np.inf)  # beyond, no better one is looked for

@@ -273,7 +273,7 @@ def model():
     robot = load_robot("marvin")
     unread = replace(seen(), duty=(), name="unread", group="unread")
     courses = [seen(), seen("marvin", "gain_error", scale=LESS), unread]
-    known = but("supply", "gain", "motors", "gears", "mass")
+    known = but("supply", "gain", "motors")
     with RobotModel(read_model(robot), robot, courses, without=known, processes=1) as made:
         yield made
 

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from walking_robots import believed, marvin, walked_with
+from walking_robots import believed, but, marvin, walked_with
 
 from bench.diagnosis.robot.curves import FARTHER, GRID, LARGER, LEAST_RAD
 from bench.diagnosis.robot.effects import LEVELS
@@ -35,7 +35,7 @@ def model():
         walked_with({"foot_compliance@all": 3.0}, 12),
         walked_with({"joint_compliance@all": 4.0}, 13),
     ]
-    known = ("zero", "centre", "tilt", "grip", "supply")
+    known = but("torque", "mass", "gain", "late", "sampling", "turn")
     with RobotModel(believed(), marvin(), courses, without=known, processes=1) as made:
         made.curves.prepare(TRIED, sorted(set(made.motion)))
         yield made

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
-from walking_robots import believed, marvin, recorded_walk, walked, walked_with
+from walking_robots import believed, but, marvin, recorded_walk, walked, walked_with
 
 from bench.diagnosis.robot import running as robot_running
 from bench.diagnosis.robot.features import Features, shown_by
@@ -134,7 +134,7 @@ def test_residuals_and_what_tolerances_do_are_of_joints_that_were_read():
             for name in ("sample_s", "wait_s", "position_rad")
         },
     )
-    known = ("zero", "centre", "tilt", "grip", "supply", "mass", "friction", "strength")
+    known = but("gain", "torque", "late")
     with RobotModel(believed(), marvin(), [told], without=known, processes=1) as model:
         nothing = np.zeros(len(model.nuisances))
         assert np.isfinite(model.traces[0][RobotKind.JOINTS]).all()
@@ -295,7 +295,7 @@ def test_rounding_of_a_joint_that_stands_is_in_its_means():
     assert rounding[~first] == pytest.approx(moving.course.quantum_rad**2 / 12.0)
     assert not Features.of(walked(), marvin()).rounding_rad2.any()
     courses = [moving.course]
-    known = ("zero", "centre", "tilt", "grip", "supply", "mass", "friction", "strength", "torque")
+    known = but("gain", "late")
     with RobotModel(believed(), marvin(), courses, without=known, processes=1) as model:
         block = model.residuals((), np.zeros(len(model.nuisances)), [0])[0, RobotKind.JOINTS]
         (outcome,) = model.replays.run([Job(0)])
@@ -382,7 +382,7 @@ def test_a_longer_recording_has_the_rows_of_a_shorter_one():
 
 def test_what_changes_a_shorter_recording_is_that_of_a_longer_one():
     courses = [until(2.0), until(2.6)]
-    known = ("zero", "centre", "tilt", "grip", "supply", "mass", "friction", "strength", "torque")
+    known = but("gain", "late")
     with RobotModel(believed(), marvin(), courses, without=known, processes=1) as model:
         assert model.like == (1, 1)
         rows = model.features[1].rows_of(model.features[0])[RobotKind.JOINTS]

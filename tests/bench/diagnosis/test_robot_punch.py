@@ -22,6 +22,7 @@ def left_out(course):
         return found.nuisances[names.index(PUNCH)]
 
 
+@pytest.mark.slow
 def test_a_punch_that_no_servo_adds_is_a_tolerance_of_the_robot():
     without = effect("punch_left_out").apply(believed(), (), {"share": 1.0})
     assert left_out(walked_by(without, 21)) == pytest.approx(1.0, abs=0.15)

@@ -145,6 +145,7 @@ def read_in(course, parity):
     return replace(course, voltage=(times[some], volts[some]), name=name, group=name)
 
 
+@pytest.mark.slow
 def test_a_repeat_whose_voltage_was_read_at_other_phases_moves_as_the_first_does():
     courses = [read_in(told(believed()), parity) for parity in (0, 1)]
     kind, less = RobotKind.VOLTAGE, (("supply_voltage@all", LESS),)

@@ -122,7 +122,7 @@ def test_repeats_start_from_other_states_and_come_to_the_same_walk(walked):
     assert np.ptp(result.speeds_m_s) < 0.05 * np.mean(result.speeds_m_s)
 
 
-@pytest.mark.parametrize("robot", ["marvin", "phantomx"])
+@pytest.mark.parametrize("robot", ["marvin", pytest.param("phantomx", marks=pytest.mark.slow)])
 def test_legs_touch_each_other_at_six_times_the_stride_and_not_at_four(robot, tmp_path):
     for v, touch in ((4.0, False), (6.0, True)):
         choice = Choice(repeats=1, seconds=SECONDS, v_left=v, v_right=v)

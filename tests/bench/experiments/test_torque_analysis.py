@@ -14,7 +14,7 @@ from bench.experiments.position_error import TorqueSensor
 from bench.experiments.weighing import DUTY, PAST_FRICTION, TRUE
 
 
-@pytest.fixture(scope="module", params=["marvin", "phantomx"])
+@pytest.fixture(scope="module", params=["marvin", pytest.param("phantomx", marks=pytest.mark.slow)])
 def analysed(request, tmp_path_factory):
     """No load and the largest, a repeat each."""
     folder = tmp_path_factory.mktemp("torque")

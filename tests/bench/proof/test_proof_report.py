@@ -196,7 +196,7 @@ def test_a_quick_proof_runs_from_its_seed_to_its_score(tmp_path):
     result = prove(*told)
     assert result.returncode == 0, result.stderr
     score = json.loads((tmp_path / "out" / "score.json").read_text())
-    assert score["cases"] == 3
+    assert score["cases"] == 2
     assert score["beside"]["failed"]["value"] == 0.0
     assert score["named_at_3_floor"]["n"] == 1
     assert score["named_at_3_floor"]["value"] == 1.0  # a delay of eight times the floor

@@ -220,6 +220,7 @@ def test_a_run_that_is_undecided_is_asked_with_more_and_then_walks_with_its_tips
     assert score["the last that was asked"] == last
 
 
+@pytest.mark.slow
 def test_diagnoses_that_are_there_are_not_made_again_and_the_key_is_told_last(tmp_path, diagnosed):
     _, asked = diagnosed
     result = study(5, tmp_path, lambda stage: None)
@@ -232,6 +233,7 @@ def test_diagnoses_that_are_there_are_not_made_again_and_the_key_is_told_last(tm
     assert asked == []
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_is_broken_is_told_by_its_file(tmp_path, diagnosed):
     study(5, tmp_path, lambda stage: None)
     broken = tmp_path / "run-3" / "joints" / "diagnosis.json"
