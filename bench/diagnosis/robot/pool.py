@@ -6,6 +6,7 @@ import multiprocessing
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from types import TracebackType
@@ -20,6 +21,7 @@ from sim.model import read_model
 from sim.tree import PhysicalRobot
 
 from ..journal import Journal, code, digest
+from ..sense import DiagnosisError
 from .effects import Placed, placed_effects
 from .features import Features
 from .nuisances import RobotNuisance, Trial, trials, with_nuisances
@@ -167,10 +169,24 @@ class Replays:
         self.count = 0  #: replays run so far
 
     def run(self, jobs: Iterable[Job]) -> list[Outcome]:
-        """Outcomes of jobs, in their order; those known already cost nothing."""
+        """Outcomes of jobs, in their order; those known already cost nothing.
+
+        Raises :class:`DiagnosisError` if a process has died.
+        """
         wanted = list(jobs)
         new = [job for job in dict.fromkeys(wanted) if job not in self._known]
         new = [job for job in new if not self._recalled(job)]
+        try:
+            self._keep(new)
+        except BrokenProcessPool:
+            raise DiagnosisError(
+                "a process that replayed recordings has died (out of memory?): the same command "
+                "goes on from there; on one core (taskset -c 0 ...) it needs less memory"
+            ) from None
+        return [self._known[job] for job in wanted]
+
+    def _keep(self, new: Sequence[Job]) -> None:
+        """Run jobs; what came of them is known from then on."""
         if self._pool is not None and len(new) > 1:
             found: Iterable[Outcome] = self._pool.map(_run, new)
         else:
@@ -181,7 +197,6 @@ class Replays:
             if self._journal is not None:
                 given = {name: getattr(outcome, name).tolist() for name in ROWS}
                 self._journal.put(digest(self._keys[job.recording], job), given)
-        return [self._known[job] for job in wanted]
 
     def _recalled(self, job: Job) -> bool:
         """Whether an earlier run has kept it."""

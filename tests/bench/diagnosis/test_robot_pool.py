@@ -1,3 +1,5 @@
+import os
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +10,7 @@ from bench.diagnosis.journal import Journal
 from bench.diagnosis.robot import pool as robot_pool
 from bench.diagnosis.robot.features import Features
 from bench.diagnosis.robot.pool import ROWS, Job, Replays
+from bench.diagnosis.sense import DiagnosisError
 from sim.entries import PhysicsError
 
 SHORT = Job(0, short=True)
@@ -57,6 +60,22 @@ def test_where_the_system_gives_no_semaphores_one_process_does_all(features, kep
     with Replays(marvin(), [features], (), processes=2) as alone:
         (outcome,) = alone.run([SHORT])
     assert (outcome.angle_rad == kept[1].angle_rad).all()
+
+
+def killed(job):
+    """Instead of a replay, the process that was to run it is gone."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_process_that_was_killed_is_told_and_what_to_do_about_it(features, monkeypatch):
+    monkeypatch.setattr(robot_pool, "_run", killed)
+    jobs = [Job(0, trials=((name, 1.0),), short=True) for name in ("one", "other")]
+    with (
+        Replays(marvin(), [features], (), processes=2) as both,
+        pytest.raises(DiagnosisError, match=r"has died .*the same command goes on"),
+    ):
+        both.run(jobs)
+    assert both.count == 0
 
 
 def test_a_robot_that_there_cannot_be_is_lost_like_one_that_the_engine_cannot_run(
