@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -29,7 +29,7 @@ from .limits import in_series, limits, other_duties, other_volts, stand_in
 from .model import RATTLING, Progress, RobotModel, is_play
 from .next import next_experiments
 from .places import mismatch, moved
-from .rattling import Play, Rattling, told, worsened
+from .rattling import Rattling, Shaker, is_spring, told, worsened
 from .replay import course
 from .rest import Rest
 from .search import RobotSearch
@@ -125,6 +125,8 @@ class Work:
             if play.gain.name in after.names:
                 after = self.held.without(begun, after, play.gain.name)
             play, found = None, replace(found, base=base)
+        if play is None:
+            play = self._springs(base, taken, without)
         whole = after if play is None else play.beside(after)
         rest = self.held.rest(after)
         self.tell("replaying the recordings that judge")
@@ -153,7 +155,9 @@ class Work:
         unlike = not causes and far_off(fit.after, fit.noise_floor)
         volts = self.held.volts_denied(after)
         off = self.held.duties_denied(after)
-        left = bool(ends or volts or off or unlike) or rest.structured or worsened(causes, fit)
+        left = (
+            bool(ends or volts or off or unlike) or rest.structured or worsened(causes, fit, play)
+        )
         verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
@@ -169,7 +173,7 @@ class Work:
                 *other_volts(volts),
                 *other_duties(off, self.held.duties_most(after)[1]),
                 *in_series(causes),
-                *told(play is not None, shakes, shook, shaken),
+                *told(play, shakes, shook, shaken),
             ),
             channels=self._channels(found, after),
             rejected=tuple(rejected),
@@ -187,14 +191,24 @@ class Work:
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 
-    def _play(self, base: RobotFit, without: frozenset[str]) -> Play | None:
-        """Play that shaking shows, if there is time."""
+    def _play(
+        self, base: RobotFit, without: frozenset[str], asked: Callable[[str], bool] = is_play
+    ) -> Shaker | None:
+        """Play that shaking shows, or another kind that is asked for, if there is time."""
         try:
-            return self.rattling.named(base, without)
+            return self.rattling.named(base, without, asked)
         except OutOfTimeError:
             return None
 
-    def _with_play(self, base: RobotFit, play: Play) -> RobotFit:
+    def _springs(
+        self, base: RobotFit, taken: Sequence[RobotGain], without: frozenset[str]
+    ) -> Shaker | None:
+        """Springs that a robot hunts on, where nothing that means show has a name."""
+        if taken or self.held.consistent(base):
+            return None
+        return self._play(base, without, is_spring)
+
+    def _with_play(self, base: RobotFit, play: Shaker) -> RobotFit:
         """What the operator believes with as much play as shaking says, where that is no worse.
 
         Where much rattles, means over the phase are nearer to those of a robot without.

@@ -1,16 +1,17 @@
-"""Play in teeth, named by how much joints shake.
+"""Play in teeth, and springs that a robot hunts on, named by how much joints shake.
 
 Where legs rattle, means over the phase are chance: replays are as far from each other as recordings
 are, so that these means neither show play nor deny it. How much joints shake does both, and tells
 it from what else may make them shake: all effects are tried on that alone, on the robot as
-believed, as tolerances make no difference there that counts. No other effect is named by shaking:
-of those, means over the phase say more.
+believed, as tolerances make no difference there that counts. On very soft springs joints swing to
+and fro, and when is chance as well: so these are looked for where means have named nothing. No
+other effect is named by shaking: of those, means over the phase say more.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,11 +34,17 @@ from .steps import BESIDE, HELD_OUT
 #: fits of one hypothesis to shaking end so many nats apart: no tolerances lead them astray, and
 #: other starts of its replays make 0.8 nats, measured of play of 5 degrees in two joints of a leg
 SHAKEN_APART_NATS = 2.0
+HUNTING = "joint_compliance"  #: effect on much of which a robot hunts
+
+
+def is_spring(name: str) -> bool:
+    """Whether a placed effect makes a joint give, so that a robot may hunt."""
+    return name.partition("@")[0] == HUNTING
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Play:
-    """Play that was found: the gain that was taken, and the cause."""
+class Shaker:
+    """What makes joints shake, play or springs: the gain that was taken, and the cause."""
 
     gain: RobotGain
     cause: Cause
@@ -48,7 +55,7 @@ class Play:
         return float(self.gain.fit.knobs[-1])
 
     def beside(self, after: RobotFit) -> RobotFit:
-        """A fit with this play in it, if it is not."""
+        """A fit with this in it, if it is not."""
         if self.gain.name in after.names:
             return after
         names = (*after.names, self.gain.name)
@@ -58,8 +65,10 @@ class Play:
 class ShakingSearch(RobotSearch):
     """A search on shaking alone: springs have no two valleys there, and samples are chance.
 
-    Nothing but play is named by it, so nothing is tried where play is not of what promises most.
+    One kind of effect is named by it, so nothing is tried where that is not of what promises most.
     """
+
+    asked: Callable[[str], bool] = staticmethod(is_play)  #: whether a placed effect is of the kind
 
     def _sought(self, names: Collection[str]) -> Sought:
         return Sought(self.sight, {})
@@ -67,7 +76,7 @@ class ShakingSearch(RobotSearch):
     def _step(self, some: Sequence[Screened], now: RobotFit, step: int) -> list[RobotGain]:
         gains = [replace(gain, apart=SHAKEN_APART_NATS) for gain in super()._step(some, now, step)]
         most = self._most(gains)
-        return gains if any(is_play(gain.name) for gain in most) else []
+        return gains if any(self.asked(gain.name) for gain in most) else []
 
     @staticmethod
     def _most(promised: Sequence[RobotGain]) -> list[RobotGain]:
@@ -113,19 +122,28 @@ class Rattling:
         joints = [joint.name for joint in self.model.base.joints]
         return by_kind(joints, np.mean(apart, axis=0))
 
-    def named(self, base: RobotFit, without: Collection[str] = ()) -> Play | None:
-        """Play that explains how joints shake more than as believed, where judges bear it out."""
+    def named(
+        self,
+        base: RobotFit,
+        without: Collection[str] = (),
+        asked: Callable[[str], bool] = is_play,
+    ) -> Shaker | None:
+        """What explains how joints shake more than as believed, where judges bear it out.
+
+        Play, or another kind that is ``asked`` for.
+        """
         left = self.left(base, self.which)
         if left < NEEDED:
             return None
         self.model.recentre((), np.zeros(len(self.model.nuisances)))
+        self.search.asked = asked
         found = self.search.run(most=1, without=without, base=self.search.sight.fit())
         if not found.taken:
             return None
         (gain,) = found.taken
         outside, before = (self.left(fit, self.judges) for fit in (found.fit, base))
         if (
-            not is_play(gain.name)
+            not asked(gain.name)
             or left - self.left(found.fit, self.which) < NEEDED
             or before - outside < HELD_OUT
         ):
@@ -133,7 +151,7 @@ class Rattling:
         self.model.recentre(found.fit.settings, found.fit.nuisances, self.which)
         share = 1.0 - outside / max(before, 1e-30)
         cause = cause_of(self.search, found, gain, found.fit, share, before - outside)
-        return Play(gain, cause)
+        return Shaker(gain, cause)
 
     def denies(self, after: RobotFit) -> bool:
         """Whether joints shake less than with the play that means over the phase had named."""
@@ -155,25 +173,28 @@ class Rattling:
         return replace(found, names=tuple(name for name, _ in kept), z=z)
 
 
-def worsened(causes: Iterable[Cause], fit: FitSummary) -> bool:
+def worsened(causes: Iterable[Cause], fit: FitSummary, shaker: Shaker | None = None) -> bool:
     """Whether samples that are farther off with what is named speak against it.
 
-    With play alone they do not: no replay rattles when the recording does.
+    With play alone, or with what shaking has named, they do not: no replay rattles or hunts when
+    the recording does.
     """
-    others = any(cause.effect not in RATTLING for cause in causes)
+    shaken = None if shaker is None else shaker.cause
+    others = any(cause.effect not in RATTLING and cause is not shaken for cause in causes)
     return others and is_worse(fit.before, fit.after, fit.noise_floor)
 
 
 def told(
-    named: bool, left_nats: float, before_nats: float, more: Mapping[str, float]
+    named: Shaker | None, left_nats: float, before_nats: float, more: Mapping[str, float]
 ) -> tuple[str, ...]:
-    """What is to be said of shaking: how play was named, and what is left of so much before."""
+    """What is to be said of shaking: what was named by it, and what is left of so much before."""
     said = []
-    if named:
+    if named is not None:
+        does = "legs rattle" if is_play(named.gain.name) else "a robot hunts on soft springs"
         said.append(
-            "play was named by how much joints shake from sample to sample: where legs rattle is "
-            "chance, so that samples and means over the phase neither show it nor deny it, and the "
-            "fit may be worse with it"
+            f"{named.cause.effect} was named by how much joints shake from sample to sample: when "
+            f"{does} is chance, so that samples and means over the phase neither show it nor deny "
+            "it, and the fit may be worse with it"
         )
     if left_nats >= max(NEEDED, LITTLE * before_nats):
         most = max(more, key=lambda kind: abs(more[kind]))

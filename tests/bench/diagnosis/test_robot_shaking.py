@@ -10,11 +10,21 @@ import pytest
 from walking_robots import believed, marvin, walked, walked_by
 
 from bench.diagnosis.robot import rattling as robot_rattling
+from bench.diagnosis.robot.diagnosis import Work
 from bench.diagnosis.robot.features import Features
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import NEEDED, RobotGain
 from bench.diagnosis.robot.limits import seldom
-from bench.diagnosis.robot.rattling import SHAKEN_APART_NATS, Rattling, ShakingSearch, told
+from bench.diagnosis.robot.rattling import (
+    HUNTING,
+    SHAKEN_APART_NATS,
+    Rattling,
+    Shaker,
+    ShakingSearch,
+    is_spring,
+    told,
+    worsened,
+)
 from bench.diagnosis.robot.replay import play
 from bench.diagnosis.robot.search import RobotSearch
 from bench.diagnosis.robot.shaking import ENGINES_SHAKING, Shaking, by_kind
@@ -207,19 +217,50 @@ def test_play_must_be_needed_beside_what_else_is_named(monkeypatch, beside, gain
     assert made.bears_out(loose) is borne_out
 
 
+def test_springs_that_explain_shaking_are_named_where_they_are_asked_for(monkeypatch):
+    left = nats(60.0, 40.0, 2.0, 4.0)
+    springs = rattling(monkeypatch, left, HUNTING)
+    assert springs.named(OFF) is None
+    assert springs.named(OFF, asked=is_spring).cause == (0.9, 36.0)
+    assert springs.search.asked is is_spring
+    assert rattling(monkeypatch, left).named(OFF, asked=is_spring) is None
+
+
+@pytest.mark.parametrize(
+    ("taken", "consistent", "asked"), [((), False, True), ((1,), False, False), ((), True, False)]
+)
+def test_springs_are_asked_of_shaking_where_means_name_nothing(taken, consistent, asked):
+    work = object.__new__(Work)
+    work.held = SimpleNamespace(consistent=lambda fit: consistent)
+    work.rattling = SimpleNamespace(named=lambda base, without, kind: kind)
+    assert (work._springs(OFF, taken, frozenset()) is is_spring) is asked
+
+
+def test_samples_do_not_speak_against_what_shaking_has_named():
+    cause, beside = (SimpleNamespace(effect=name) for name in (HUNTING, "payload"))
+    fit = SimpleNamespace(before=0.004, after=0.006, noise_floor=0.002)
+    shaker = Shaker(SimpleNamespace(name=f"{HUNTING}@all"), cause)
+    assert worsened([cause], fit)
+    assert not worsened([cause], fit, shaker)
+    assert worsened([cause, beside], fit, shaker)
+
+
 def test_where_joints_shake_for_no_reason_the_report_says_so():
     kinds = {"coxa stance": 0.1, "coxa swing": math.log(2.0), "tibia swing": -0.2}
-    (sentence,) = told(False, 1.1 * NEEDED, 1.1 * NEEDED, kinds)
+    (sentence,) = told(None, 1.1 * NEEDED, 1.1 * NEEDED, kinds)
     assert "coxa joints shake 2.00 times as much" in sentence
-    assert told(False, 0.9 * NEEDED, 0.9 * NEEDED, kinds) == ()
-    (named,) = told(True, 1.1 * NEEDED, 12.0 * NEEDED, kinds)
-    assert named.startswith("play was named by how much joints shake")
+    assert told(None, 0.9 * NEEDED, 0.9 * NEEDED, kinds) == ()
+    for name, does in (("backlash", "legs rattle"), (HUNTING, "a robot hunts")):
+        shaker = Shaker(SimpleNamespace(name=f"{name}@all"), SimpleNamespace(effect=name))
+        (named,) = told(shaker, 1.1 * NEEDED, 12.0 * NEEDED, kinds)
+        assert named.startswith(f"{name} was named by how much joints shake")
+        assert f"when {does}" in named
 
 
 def test_a_search_on_shaking_is_a_search_but_for_springs_and_whole_recordings():
     own = {name for name in vars(ShakingSearch) if not name.startswith("__")}
-    assert own == {"_sought", "_step", "_most", "_from_far", "_whole_square"}
-    assert all(callable(getattr(RobotSearch, name)) for name in own)
+    assert own == {"asked", "_sought", "_step", "_most", "_from_far", "_whole_square"}
+    assert all(callable(getattr(RobotSearch, name)) for name in own - {"asked"})
     search = object.__new__(ShakingSearch)
     search.sight = None
     assert search._sought(SPRINGS).at == {}
@@ -235,8 +276,10 @@ def test_where_play_is_not_of_what_promises_most_nothing_is_tried(monkeypatch, p
         names, nats = names[:2], nats[:2]
     gains = [RobotGain(n, LOOSE, x, 1.0, None) for n, x in zip(names, nats, strict=True)]
     monkeypatch.setattr(RobotSearch, "_step", lambda *_: gains)
-    found = object.__new__(ShakingSearch)._step([], LOOSE, 0)
-    assert [gain.name for gain in found] == (names if tried else [])
+    search = object.__new__(ShakingSearch)
+    assert [gain.name for gain in search._step([], LOOSE, 0)] == (names if tried else [])
+    search.asked = is_spring
+    assert search._step([], LOOSE, 0) == []
 
 
 def test_fits_to_shaking_end_closer_to_each_other_than_fits_to_means(monkeypatch):
