@@ -11,11 +11,11 @@ from bench.diagnosis.report.telling import channel_finding
 from bench.diagnosis.result import FitSummary
 from bench.diagnosis.robot.diagnosis import Work, noise_of
 from bench.diagnosis.robot.fit import RobotFit
-from bench.diagnosis.robot.rattling import Play, worsened
+from bench.diagnosis.robot.rattling import Shaker, worsened
 
 BASE = RobotFit((), np.zeros(1), {}, 10.0)
 LOOSE = RobotFit(("backlash@all",), np.array([0.0, 5.0]), {}, 10.0)
-PLAY = Play(SimpleNamespace(name="backlash@all", fit=LOOSE), SimpleNamespace())
+PLAY = Shaker(SimpleNamespace(name="backlash@all", fit=LOOSE), SimpleNamespace())
 
 
 def work():
