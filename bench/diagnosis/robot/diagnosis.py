@@ -114,27 +114,27 @@ class Work:
         """Search, judge, and say what was found."""
         model = self.model
         base = begun = self.held.firm(self.search.believed(), self.tell)
-        play = self._play(base, without)
-        if play is not None:
+        shaker = self._shaker(base, without)
+        if shaker is not None:
             # what rattles leaves much that no name explains: one search is enough
-            begun, without = self._with_play(base, play), without | RATTLING
-        found, taken, after, rejected = self.named(begun, without, play is None)
-        if play is None and self.rattling.denies(after):
+            begun, without = self._with_play(base, shaker), without | RATTLING
+        found, taken, after, rejected = self.named(begun, without, shaker is None)
+        if shaker is None and self.rattling.denies(after):
             taken, after = self._without_play(found, taken, after)
-        if play is not None and not self.rattling.bears_out(play.beside(after)):
-            if play.gain.name in after.names:
-                after = self.held.without(begun, after, play.gain.name)
-            play, found = None, replace(found, base=base)
-        if play is None:
-            play = self._springs(base, taken, without)
-        whole = after if play is None else play.beside(after)
+        if shaker is not None and not self.rattling.bears_out(shaker.beside(after)):
+            if shaker.gain.name in after.names:
+                after = self.held.without(begun, after, shaker.gain.name)
+            shaker, found = None, replace(found, base=base)
+        if shaker is None:
+            shaker = self._springs(base, taken, without)
+        whole = after if shaker is None else shaker.beside(after)
         rest = self.held.rest(after)
         self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after, rest)
-        if play is not None:
-            causes.append(play.cause)
-            placed = model.placed[play.gain.name]
-            extra += of_causes([(placed, play.cause.parameters)], self.told)
+        if shaker is not None:
+            causes.append(shaker.cause)
+            placed = model.placed[shaker.gain.name]
+            extra += of_causes([(placed, shaker.cause.parameters)], self.told)
             found = replace(found, base=base)
         shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)
         shakes = self.rattling.left(whole, self.judges)
@@ -156,7 +156,7 @@ class Work:
         volts = self.held.volts_denied(after)
         off = self.held.duties_denied(after)
         left = (
-            bool(ends or volts or off or unlike) or rest.structured or worsened(causes, fit, play)
+            bool(ends or volts or off or unlike) or rest.structured or worsened(causes, fit, shaker)
         )
         verdict = verdict_of(bool(causes), left)
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
@@ -173,7 +173,7 @@ class Work:
                 *other_volts(volts),
                 *other_duties(off, self.held.duties_most(after)[1]),
                 *in_series(causes),
-                *told(play, shakes, shook, shaken),
+                *told(shaker, shakes, shook, shaken),
             ),
             channels=self._channels(found, after),
             rejected=tuple(rejected),
@@ -182,7 +182,7 @@ class Work:
             | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
             | {
                 "shaking": {
-                    "named": play is not None,
+                    "named": shaker is not None,
                     "before_nats": shook,
                     "left_nats": shakes,
                     "log_ratio": shaken,
@@ -191,7 +191,7 @@ class Work:
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
 
-    def _play(
+    def _shaker(
         self, base: RobotFit, without: frozenset[str], asked: Callable[[str], bool] = is_play
     ) -> Shaker | None:
         """Play that shaking shows, or another kind that is asked for, if there is time."""
@@ -206,7 +206,7 @@ class Work:
         """Springs that a robot hunts on, where nothing that means show has a name."""
         if taken or self.held.consistent(base):
             return None
-        return self._play(base, without, is_spring)
+        return self._shaker(base, without, is_spring)
 
     def _with_play(self, base: RobotFit, play: Shaker) -> RobotFit:
         """What the operator believes with as much play as shaking says, where that is no worse.
