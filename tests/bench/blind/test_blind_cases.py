@@ -324,6 +324,7 @@ def test_an_effect_that_a_mask_takes_away_is_drawn_anew(monkeypatch: pytest.Monk
 
 
 @pytest.mark.usefixtures("nothing_left")
+@pytest.mark.slow
 def test_mimicked_case_names_its_rival(tmp_path: Path) -> None:
     wish = Asked(
         kind="single",
@@ -355,6 +356,7 @@ def test_case_whose_rivals_are_unlike_is_not_called_mimicked(
         draw(1, Asked(kind="single", effects=("backlash",), concealment="mimicked", **wish))
 
 
+@pytest.mark.slow
 def test_disguise_brings_the_raw_misfit_to_a_nulls() -> None:
     case = draw(
         11,

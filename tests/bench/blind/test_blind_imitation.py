@@ -146,12 +146,14 @@ def test_what_is_told_was_rolled_out_within_the_bounds(
     assert rms(seen(weight_aside) - seen(without)) / floor == pytest.approx(left.ratio, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_nuisance_that_is_at_its_bound_already_cannot_imitate_more() -> None:
     case = case_of("coulomb_friction", ratio=2.0)
     spent, free = (left_of(but(case, coulomb_factor=f), 0).ratio for f in (1.3, 0.7))
     assert spent > 2.0 * free
 
 
+@pytest.mark.slow
 def test_the_size_of_another_part_is_not_known_either() -> None:
     case = case_of("link_mass", ratio=3.0, concealment="masked")
     (mask,) = case.ordinary
@@ -162,6 +164,7 @@ def test_the_size_of_another_part_is_not_known_either() -> None:
 
 
 @pytest.mark.parametrize("index", [0, 1])
+@pytest.mark.slow
 def test_each_of_a_pair_is_held_beside_the_other(index: int) -> None:
     case = case_of("backlash", "com_offset", ratio=3.0, seed=7)
     assert case.ground.build == SIMPLEST  # play before a spring rattles: descents end early there

@@ -47,6 +47,7 @@ def test_a_register_shows_what_its_own_divider_makes_of_it():
     assert raw[~own].mean() - raw[own].mean() == pytest.approx(10.0, abs=1.0)
 
 
+@pytest.mark.slow
 def test_every_servo_tells_its_load_as_well_and_a_lower_gain_makes_it_less():
     """The weight asks for a torque, so a lower gain of a robot that stands moves the joint."""
     duties = []
@@ -79,6 +80,7 @@ def test_what_is_read_is_drawn_by_its_shares_and_voltages_are_a_little_off():
 
 
 @pytest.mark.parametrize("style", READS)
+@pytest.mark.slow
 def test_what_is_read_can_be_asked_for_and_stands_in_the_key(style):
     told = LeggedDraft(3, Asked(kind="null", rig="marvin-stand", style=style)).told()
     assert (told["style"], told["programme"]) == (style, "stand")

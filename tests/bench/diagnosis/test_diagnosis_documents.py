@@ -284,6 +284,7 @@ def better_of(half, verdict, path):
     return residual(again, Hypothesis(), none), told["parameters"]["margin_rad"]
 
 
+@pytest.mark.slow
 def test_where_something_is_left_the_better_model_foretells_best(half, tmp_path):
     """Least squares over the positions, with the effect's number free, which has no interval."""
     likely, told = better_of(half, "explained", tmp_path / "likely.toml")

@@ -28,6 +28,7 @@ def test_the_gear_that_recordings_follow_is_believed(sprung):
     assert len(before.z) == len(model.nuisances)
 
 
+@pytest.mark.slow
 def test_what_is_believed_is_fitted_from_more_and_less_friction_too():
     """An arm that falls with half its friction: from friction as believed a fit stops early."""
     little = {
@@ -72,6 +73,7 @@ def test_play_is_found_whatever_the_damping_of_the_gear(times):
     assert PLAY.knobs[0].value(found.z[-1]) == pytest.approx(0.03, rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_spring_of_the_file_is_no_compliance_where_it_was_taken_for_rigid(monkeypatch):
     """Which gear it is hangs on what is named: a name about gears asks once more."""
     told = observe(logs(motions=("fast", "steps"), sprung=True), robot(), JOINT)

@@ -104,6 +104,7 @@ def test_a_motion_that_alone_reaches_a_limit_is_fitted_after_all_if_it_was_repea
     assert any(f"{steps[0].name} of them were fitted after all" in told for told in found.limits)
 
 
+@pytest.mark.slow
 def test_a_name_is_told_once_as_a_rival_or_as_rejected(monkeypatch):
     """A rival that was taken back stands beside the cause; one that was refuted does not."""
     back = ("gain_error", "torque_constant", "cable_drag")

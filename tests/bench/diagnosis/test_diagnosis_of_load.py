@@ -39,7 +39,7 @@ def the_one(model):
 
 @pytest.fixture(
     scope="module",
-    params=[0.0, pytest.param(1.0, marks=pytest.mark.slow)],
+    params=[0.0, 1.0],
     ids=["of gravity", "of the gear"],
 )
 def found(request):
@@ -48,6 +48,7 @@ def found(request):
     return request.param, one
 
 
+@pytest.mark.slow
 def test_friction_that_is_the_same_both_ways_is_said_to_be(found):
     _, one = found
     (cause,) = one.diagnosis.causes
@@ -55,6 +56,7 @@ def test_friction_that_is_the_same_both_ways_is_said_to_be(found):
     assert cause.parameters["ratio"].value == pytest.approx(RATIO, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_better_model_says_what_the_friction_knows(found):
     share, one = found
     made = {a.effect.name: a.values for a in additions([one], date(2026, 1, 2))}
@@ -91,6 +93,7 @@ def test_a_share_is_of_what_the_robot_file_leaves(name, field):
     assert nuisance.change(believed, 0.5).drive[field] == pytest.approx(more.drive.column()[field])
 
 
+@pytest.mark.slow
 def test_friction_of_what_the_gear_passes_on_alone_may_be_called_either():
     truth = {
         "directional_load_friction": {"driving": 0.0, "backdriving": RATIO},

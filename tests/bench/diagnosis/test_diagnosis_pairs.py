@@ -80,6 +80,7 @@ def test_a_search_that_begins_with_a_wrong_name_ends_with_the_right_ones(looked,
     assert not settling.settle(*known).taken
 
 
+@pytest.mark.slow
 def test_what_gains_beside_the_others_is_looked_for_once_more(looked, monkeypatch):
     """What hid behind a name that is taken back comes out when that is gone."""
     model, base, confirmed = looked

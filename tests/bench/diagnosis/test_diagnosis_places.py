@@ -181,6 +181,7 @@ def test_names_that_leave_more_than_none_and_more_than_noise_make_it_worse(befor
 
 
 @pytest.mark.parametrize(("worse", "verdict"), [(True, "partly_explained"), (False, "explained")])
+@pytest.mark.slow
 def test_what_names_make_worse_is_not_explained(monkeypatch, worse, verdict):
     monkeypatch.setattr("bench.diagnosis.joint.diagnosis.is_worse", lambda *_: worse)
     stiff = {"gain_error": {"scale": 1.4}}
@@ -199,6 +200,7 @@ def test_what_names_make_worse_is_not_explained(monkeypatch, worse, verdict):
     ("registers", "shown"),
     [((POSITION,), False), pytest.param((POSITION, DUTY), True, marks=pytest.mark.slow)],
 )
+@pytest.mark.slow
 def test_a_name_beside_a_rest_is_no_likelier_than_its_part_of_both(monkeypatch, registers, shown):
     """But where a register shows it by itself."""
     stiff = {"gain_error": {"scale": 1.4}}

@@ -34,6 +34,7 @@ def found():
     return diagnose_joint(read_model(robot()), robot(), seen(GIVES_WAY), effects=effects)
 
 
+@pytest.mark.slow
 def test_where_tolerances_stand_in_for_something_nothing_is_called_consistent(monkeypatch):
     effects = {"dead_zone": effect("dead_zone")}
     for stand_in, verdict in ((False, "consistent"), (True, "unexplained")):

@@ -66,12 +66,14 @@ def free(model, hypothesis):
 
 
 @pytest.mark.parametrize(("truth", "share"), [(NONE, 1.0), ({}, 0.0)], ids=["none", "all"])
+@pytest.mark.slow
 def test_a_punch_that_is_added_or_not_is_no_finding(truth, share):
     found = diagnosed(truth)
     assert found.diagnosis.verdict == "consistent"
     assert left_out(found) == pytest.approx(share, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_dead_zone_beyond_the_punch_is_a_finding():
     found = diagnosed(NONE | {"dead_zone": {"margin_rad": 0.02}})
     (cause,) = found.diagnosis.causes

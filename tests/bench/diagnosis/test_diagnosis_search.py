@@ -82,7 +82,10 @@ def grown(truth, registers=(POSITION, DUTY)):
     return model, base, grow(model, base, dict(EFFECTS), quiet, floors, most=2)
 
 
-@pytest.mark.parametrize("name", TRUTHS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name == "dead_zone" else pytest.mark.slow) for name in TRUTHS],
+)
 def test_the_search_names_what_was_planted(name):
     _, base, (found, taken, confirmed) = grown({name: TRUTHS[name]})
     assert found.hypothesis.effects == (name,)

@@ -106,6 +106,7 @@ def left_rad(model, r):
     return float(np.sqrt(np.nanmean((model.recorded(r, kind) - model.centre[r][kind]) ** 2)))
 
 
+@pytest.mark.slow
 def test_recorded_angles_are_those_that_replays_come_nearest_to(model):
     zero = np.zeros(len(model.nuisances))
     plain, tips = (), ((TIPS, SOFT),)
@@ -123,6 +124,7 @@ def test_recorded_angles_are_those_that_replays_come_nearest_to(model):
     assert not np.array_equal(model.recorded(1, RobotKind.LEAN), other)
 
 
+@pytest.mark.slow
 def test_a_lean_speaks_for_tips_that_give(model):
     model.recentre((), np.zeros(len(model.nuisances)))
     costs = {}

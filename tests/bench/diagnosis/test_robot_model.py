@@ -211,12 +211,9 @@ def test_an_effect_gains_the_most_under_its_own_name(model, r, name):
     assert ranking[0].gain_nats > NEEDED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("r", "name"),
-    [
-        (TIPS, "foot_compliance@all"),
-        pytest.param(SOFT, "joint_compliance@all", marks=pytest.mark.slow),
-    ],
+    ("r", "name"), [(TIPS, "foot_compliance@all"), (SOFT, "joint_compliance@all")]
 )
 def test_a_fit_finds_the_size_of_an_effect(model, r, name):
     """By exact replays it is as likely as the true robot, which has no tolerances."""
@@ -273,6 +270,7 @@ def joints_of(traces):
     return [rows[RobotKind.JOINTS] for rows in traces]
 
 
+@pytest.mark.slow
 def test_what_nuisances_do_is_taken_where_a_fit_has_led(model):
     zero = np.zeros(len(model.nuisances))
     model.retrace((), zero)

@@ -121,6 +121,7 @@ def test_a_diagnosis_says_where_a_robot_does_not_walk():
     assert "here 3.0 mrad within tolerances" in told
 
 
+@pytest.mark.slow
 def test_residuals_and_what_tolerances_do_are_of_joints_that_were_read():
     blank = [np.empty(0) if j in SILENT else None for j in range(len(JOINTS))]
     one = walked_with({"gain_error@leg4": 2.0}, 21)

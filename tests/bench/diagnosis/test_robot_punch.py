@@ -28,6 +28,7 @@ def test_a_punch_that_no_servo_adds_is_a_tolerance_of_the_robot():
     assert left_out(walked_by(without, 21)) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_punch_that_every_servo_adds_is_not_left_out():
     assert left_out(walked_with({}, 22)) == pytest.approx(0.0, abs=0.15)
 

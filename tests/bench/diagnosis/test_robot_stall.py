@@ -26,11 +26,13 @@ def fitted(course):
         return dict(zip([n.name for n in model.nuisances], found.nuisances, strict=True))
 
 
+@pytest.mark.slow
 def test_a_stall_torque_told_before_friction_is_a_tolerance_of_the_robot():
     before = effect(STALL).apply(believed(), (), {"scale": 1.0 - lost()})
     assert fitted(walked_by(before, 31))[STALL] == pytest.approx(-1.0, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_stall_torque_of_the_shaft_is_left_as_it_is():
     assert fitted(walked_with({}, 32))[STALL] == pytest.approx(0.0, abs=0.15)
 

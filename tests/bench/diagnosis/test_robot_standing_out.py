@@ -112,6 +112,7 @@ def model():
     ],
 )
 @pytest.mark.parametrize("joint", ["leg5.tibia", "leg1.coxa"])
+@pytest.mark.slow
 def test_a_joint_that_moves_otherwise_is_found_among_all_rows(model, joint, of_row):
     own = model.features[0].joint_row == JOINTS.index(joint)
     rows = {kind: model.recorded(0, kind) - x for kind, x in model.centre[0].items()}

@@ -65,6 +65,7 @@ def test_help_and_refusal_name_the_kinds_in_one_order():
     assert f"{' '.join(kinds[:-1])} or {kinds[-1]} only null" in words
 
 
+@pytest.mark.slow
 def test_the_proposed_experiment_is_run_on_the_hidden_specimen_and_scored(ambiguous):
     _, _, _, score = ambiguous
     row = score["resolved_by_experiment"]
@@ -74,6 +75,7 @@ def test_the_proposed_experiment_is_run_on_the_hidden_specimen_and_scored(ambigu
     assert told == [(k, w, float(w == "proposed"), 1) for k in "123" for w in active_module.WAYS]
 
 
+@pytest.mark.slow
 def test_a_case_is_followed_until_it_is_decided(ambiguous):
     """Every round has the recordings of those before it, and one more."""
     proof, active, _, _ = ambiguous
@@ -87,11 +89,13 @@ def test_a_case_is_followed_until_it_is_decided(ambiguous):
     assert not (proof.folder / "active" / "proposed" / "round-2").exists()
 
 
+@pytest.mark.slow
 def test_rounds_are_not_run_again(ambiguous):
     _, active, _, _ = ambiguous
     assert [list(active.run(asked)) for asked in (1, 2)] == [[(1, 2), (2, 2)], [(1, 1)]]
 
 
+@pytest.mark.slow
 def test_rounds_come_before_the_keys_are_opened(ambiguous, tmp_path):
     scored, _, _, _ = ambiguous
     without = shutil.ignore_patterns("active")
@@ -101,6 +105,7 @@ def test_rounds_come_before_the_keys_are_opened(ambiguous, tmp_path):
         list(Active(proof, seed=9).run(1))
 
 
+@pytest.mark.slow
 def test_everything_is_written_beside_the_score(ambiguous):
     proof, _, published, score = ambiguous
     assert json.loads((proof.folder / "score.json").read_text()) == score

@@ -68,6 +68,7 @@ def test_the_result_in_words_has_all_numbers():
         assert word in told
 
 
+@pytest.mark.slow
 def test_the_robot_itself_walks_a_gait_that_was_found(monkeypatch):
     monkeypatch.setattr(loop_gaits, "CHECK_S", 5.0)
     original = Candidate.original(load_robot("marvin"))

@@ -242,6 +242,7 @@ def test_a_diagnosis_that_is_broken_is_told_by_its_file(tmp_path, diagnosed):
         study(5, tmp_path, lambda stage: None)
 
 
+@pytest.mark.slow
 def test_the_page_says_what_was_hidden_what_was_said_and_what_would_tell_more(tmp_path, diagnosed):
     study(5, tmp_path, lambda stage: None)
     page = (tmp_path / "index.html").read_text()
