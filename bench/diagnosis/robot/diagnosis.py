@@ -15,14 +15,14 @@ from busemu.tables import Robot
 from sim.model import Addition, read_model
 
 from ..journal import Journal
-from ..noise import Block, Noise
 from ..result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
 from ..watch import OutOfTimeError
 from .causes import cause_of, close_rivals
+from .channels import channels, ranking
 from .effects import SINGLE
-from .features import MEANS, RobotKind
+from .features import RobotKind
 from .fit import RobotFit
-from .gains import RobotFindings, RobotGain
+from .gains import NEEDED, RobotFindings, RobotGain
 from .improved import of_causes, of_nuisances
 from .judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
 from .limits import in_series, limits, other_duties, other_volts, stand_in
@@ -32,6 +32,7 @@ from .places import mismatch, moved
 from .rattling import Rattling, Shaker, is_spring, told, worsened
 from .replay import course
 from .rest import Rest
+from .rising import Riser, Rising, risen
 from .search import RobotSearch
 from .settling import RobotJudges, far_off
 
@@ -109,6 +110,7 @@ class Work:
         self.search = RobotSearch(model, which, say=say)
         self.held = RobotJudges(self.search, robot, which, self.judges, self.held_out)
         self.rattling = Rattling(model, which, self.judges, say)
+        self.rising = Rising(self.search, which, self.judges, say)
 
     def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
         """Search, judge, and say what was found."""
@@ -125,16 +127,22 @@ class Work:
             if shaker.gain.name in after.names:
                 after = self.held.without(begun, after, shaker.gain.name)
             shaker, found = None, replace(found, base=base)
+        riser = None
         if shaker is None:
+            taken, after, riser = self._risen(found.base, taken, after, without)
+        if shaker is None and riser is None:
             shaker = self._springs(base, taken, without)
         whole = after if shaker is None else shaker.beside(after)
         rest = self.held.rest(after)
         self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after, rest)
+        for one in (shaker, riser):
+            if one is None:
+                continue
+            causes.append(one.cause)
+            placed = model.placed[one.gain.name]
+            extra += of_causes([(placed, one.cause.parameters)], self.told)
         if shaker is not None:
-            causes.append(shaker.cause)
-            placed = model.placed[shaker.gain.name]
-            extra += of_causes([(placed, shaker.cause.parameters)], self.told)
             found = replace(found, base=base)
         shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)
         shakes = self.rattling.left(whole, self.judges)
@@ -174,10 +182,11 @@ class Work:
                 *other_duties(off, self.held.duties_most(after)[1]),
                 *in_series(causes),
                 *told(shaker, shakes, shook, shaken),
+                *risen(riser),
             ),
-            channels=self._channels(found, after),
+            channels=channels(self.held, found, after),
             rejected=tuple(rejected),
-            ranking=_ranking(found),
+            ranking=ranking(found),
             details=self._details(found, after, rest)
             | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
             | {
@@ -207,6 +216,29 @@ class Work:
         if taken or self.held.consistent(base):
             return None
         return self._shaker(base, without, is_spring)
+
+    def _risen(
+        self,
+        base: RobotFit,
+        taken: list[RobotGain],
+        after: RobotFit,
+        without: frozenset[str],
+    ) -> tuple[list[RobotGain], RobotFit, Riser | None]:
+        """What shows as a robot stands up, if there is time; names that are needed beside it."""
+        try:
+            riser = self.rising.named(after, without)
+        except OutOfTimeError:
+            return taken, after, None
+        if riser is None:
+            return taken, after, None
+        now, kept = riser.gain.fit, []
+        for gain in taken:
+            bare = self.held.without(base, now, gain.name)
+            if (bare.cost - now.cost) / gain.inflation < NEEDED:
+                now = bare
+            else:
+                kept.append(gain)
+        return kept, now, riser
 
     def _with_play(self, base: RobotFit, play: Shaker) -> RobotFit:
         """What the operator believes with as much play as shaking says, where that is no worse.
@@ -314,39 +346,6 @@ class Work:
                 )
         return causes, nexts, of_causes(placed, self.told)
 
-    def _channels(self, found: RobotFindings, after: RobotFit) -> tuple[Mapping[str, Any], ...]:
-        rows = []
-        for kind, floor in self.model.floors().items():
-            if kind not in MEANS:
-                continue
-            values: list[float] = []
-            own: list[Block] = []
-            for one in (found.base, after):
-                self.held.square(one, self.which)
-                blocks = self.model.residuals(one.names, one.z, self.which)
-                own = [block for (_, k), block in blocks.items() if k is kind]
-                values.append(float(np.sqrt(np.mean(np.concatenate([b.value for b in own]) ** 2))))
-            noise = after.noise.get(kind)
-            what = {
-                RobotKind.JOINTS: "all joints",
-                RobotKind.HEIGHT: "the trunk's height [m]",
-                RobotKind.LEAN: "how the trunk leans about its mean [rad]",
-                RobotKind.VOLTAGE: "the supply at the servos [V]",
-                RobotKind.DUTY: "duties of joints that stand or move slowly",
-            }
-            over = "along their angles" if kind is RobotKind.DUTY else "over the phase of the gait"
-            rows.append(
-                {
-                    "channel": "position" if kind is RobotKind.JOINTS else kind.value,
-                    "judges": f"{what[kind]}, {over}",
-                    "rms_before": values[0],
-                    "rms_after": values[1],
-                    "rounding": floor,
-                    "noise": noise_of(own, noise) if noise else None,
-                }
-            )
-        return tuple(rows)
-
     def _details(self, found: RobotFindings, after: RobotFit, rest: Rest) -> dict[str, Any]:
         return {
             "replays": self.model.replays.count,
@@ -376,24 +375,3 @@ class Work:
                 and np.isfinite(size := self.model.placed[s.name].knob.value(s.floor_z))
             },
         }
-
-
-def noise_of(blocks: Sequence[Block], noise: Noise) -> float:
-    """Of rows of some blocks: what fits call noise, and what rows scatter by themselves."""
-    scatter = np.mean(np.concatenate([block.scatter for block in blocks]))
-    return float(np.hypot(noise.total, np.sqrt(scatter)))
-
-
-def _ranking(found: RobotFindings) -> tuple[Mapping[str, Any], ...]:
-    return tuple(
-        {
-            "effect": gain.name,
-            "with": [n for n in gain.fit.names if n != gain.name],
-            "gain_nats": float(gain.nats),
-            "inflation": float(gain.inflation),
-            "deflated_nats": float(gain.deflated),
-            "held_out_nats": gain.held_out,
-        }
-        for step in found.tried
-        for gain in step
-    )

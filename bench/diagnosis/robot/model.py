@@ -185,7 +185,7 @@ class RobotModel:
         The same small things move a robot otherwise that is changed much (``holds``: how much).
         Play is left out: when teeth rattle is chance, and beside small things one would see that.
         """
-        quiet, there = self._told([(name, x) for name, x in settings if not is_play(name)], z)
+        quiet, there = self.told([(name, x) for name, x in settings if not is_play(name)], z)
         self.traces = self._traces(quiet, there, holds)
         self.curves.bend(quiet, there, sorted(set(self.like)))
 
@@ -282,7 +282,7 @@ class RobotModel:
         first = self._leaders(self._every if which is None else which)
         leaders = sorted(set(first.values()))
         guessed = [self.modelled(settings, at, r)[RobotKind.JOINTS] for r in leaders]
-        told = self._told(settings, z)
+        told = self.told(settings, z)
         found = self._run([Job(r, told[0], nuisances=told[1]) for r in leaders])
         if not all(np.isfinite(rows[RobotKind.JOINTS]).all() for rows in found):
             return float("inf")
@@ -316,10 +316,10 @@ class RobotModel:
         """
         leaders = sorted(set(self._leaders(which).values()))
         if len(leaders) % self.replays.processes:
-            told = [self._told(settings, z) for settings, z in robots]
+            told = [self.told(settings, z) for settings, z in robots]
             self._run([Job(r, effects, nuisances=z) for effects, z in told for r in leaders])
 
-    def _told(
+    def told(
         self, settings: Sequence[tuple[str, float]], z: Floats
     ) -> tuple[Settings, tuple[float, ...]]:
         """Effects and nuisances of a replay, as a job has them."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from types import TracebackType
 
 import numpy as np
@@ -26,6 +26,7 @@ from .effects import Placed, placed_effects
 from .features import Features
 from .nuisances import RobotNuisance, Trial, trials, with_nuisances
 from .replay import Course, Jitter, loaded, play
+from .rise import Rise
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class Job:
     """A replay: of a recording, with effects at values of their knobs, trials, another start.
 
     ``nuisances`` are values of deviations, of all or of none. ``short``: only of a few cycles of
-    the gait, where there is one.
+    the gait, where there is one; ``rise``: only until it walks, for windows of :class:`Rise`.
     """
 
     recording: int
@@ -44,25 +45,35 @@ class Job:
     nuisances: tuple[float, ...] = ()
     jitter: int = 0  #: seed; 0 is the plain start
     short: bool = False
+    rise: bool = False
+
+
+def _nothing() -> Floats:
+    return np.empty(0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """Means of a replay as :class:`Features` has them; NaN where the engine could not run it."""
+    """Means of a replay as :class:`Features` has them; NaN where the engine could not run it.
 
-    angle_rad: Floats
-    height_m: Floats
-    lean_rad: Floats
-    voltage_v: Floats
-    shaken: Floats
-    duty: Floats
-    speed_rad_s: Floats
-    turn_rad: Floats
-    scatter_rad2: Floats
-    pressed: Floats  #: share of samples at which the leg's foot pressed
+    What a replay was not asked for is empty.
+    """
+
+    angle_rad: Floats = field(default_factory=_nothing)
+    height_m: Floats = field(default_factory=_nothing)
+    lean_rad: Floats = field(default_factory=_nothing)
+    voltage_v: Floats = field(default_factory=_nothing)
+    shaken: Floats = field(default_factory=_nothing)
+    duty: Floats = field(default_factory=_nothing)
+    speed_rad_s: Floats = field(default_factory=_nothing)
+    turn_rad: Floats = field(default_factory=_nothing)
+    scatter_rad2: Floats = field(default_factory=_nothing)
+    #: share of samples at which the leg's foot pressed
+    pressed: Floats = field(default_factory=_nothing)
+    risen_rad: Floats = field(default_factory=_nothing)
 
 
-ROWS = tuple(field.name for field in fields(Outcome))
+ROWS = tuple(one.name for one in fields(Outcome))
 
 
 def _key(robot: Robot, course: Course) -> str:
@@ -83,6 +94,7 @@ class _Bench:
     ) -> None:
         self.features, self.nuisances = features, every
         base = read_model(robot)
+        self.rises = [Rise.of(found) for found in features]
         self._believed = [loaded(robot, found.course.condition) for found in features]
         self.placed: dict[str, Placed] = placed_effects(base)
         self.trials: dict[str, Trial] = {trial.name: trial for trial in trials(base)}
@@ -102,6 +114,8 @@ class _Bench:
 
     def run(self, job: Job) -> Outcome:
         """Replay."""
+        if job.rise:
+            return Outcome(risen_rad=self._risen(job))
         found = self.features[job.recording]
         try:
             robot = self._built(job)
@@ -116,10 +130,21 @@ class _Bench:
             return Outcome(lost, height, lean, volts, shaken, duty, lost, lost, lost, lost)
         means = (*found.of_track(track), found.regulated.rows(robot))
         if job.short:
-            none = np.empty(0)
-            return Outcome(*means, none, none, none, none)
+            return Outcome(*means)
         pressed = found.pressed(track, robot)
         return Outcome(*means, *found.speeds(track), found.scatter(track), pressed)
+
+    def _risen(self, job: Job) -> Floats:
+        """Rows of how a robot stands up; NaN where the engine could not run it."""
+        rise = self.rises[job.recording]
+        assert rise is not None
+        jitter = Jitter(job.jitter) if job.jitter else None
+        course = self.features[job.recording].course
+        try:
+            track = play(self._built(job), course, jitter, (0.0, rise.end_s))
+        except PhysicsError:
+            return np.full(len(rise.recorded), np.nan)
+        return rise.rows([track.at(j, t) for j, t in enumerate(rise.sample_s)])
 
 
 _bench: _Bench | None = None

@@ -54,6 +54,18 @@ def far_off(rms_rad: float, floor_rad: float) -> bool:
     return rms_rad > SAMPLES * floor_rad
 
 
+def tolerated(model: RobotModel, name: str) -> tuple[float, float] | None:
+    """The least and the greatest value of an effect that a tolerance has; None where none has."""
+    placed = model.placed[name]
+    same = next((n for n in model.nuisances if name in n.same), None)
+    if same is None:
+        return None
+    knobs = [knob_of(model.base, placed, same, end) for end in same.ends if end]
+    ends = [placed.knob.value(knob) for knob in knobs if knob is not None]
+    ends.append(placed.parameter.off)  # of what goes one way only it is the other end
+    return (min(ends), max(ends)) if len(ends) > 1 else None
+
+
 @dataclass(frozen=True, slots=True)
 class Squares:
     """Mean squares of samples [rad^2]: of the steady part of recordings, and of all of them."""
@@ -322,18 +334,11 @@ class RobotJudges:
 
     def ordinary(self, now: RobotFit, name: str) -> bool:
         """Whether a name may be no more than a tolerance has it, by its interval."""
-        model = self.model
-        placed = model.placed[name]
-        same = next((n for n in model.nuisances if name in n.same), None)
-        if same is None:
-            return False
-        knobs = [knob_of(model.base, placed, same, end) for end in same.ends if end]
-        ends = [placed.knob.value(knob) for knob in knobs if knob is not None]
+        ends = tolerated(self.model, name)
         if not ends:
             return False
-        ends.append(placed.parameter.off)  # of what goes one way only it is the other end
         low, high = number_of(self.search, now, name).ci95
-        return low <= max(ends) and high >= min(ends)
+        return low <= ends[1] and high >= ends[0]
 
     def _spare(self, without: RobotFit, now: RobotFit, seen: Squares, least: float) -> float:
         """How much more than it must a name takes off the square that judges see [rad^2].

@@ -9,7 +9,8 @@ from bench.diagnosis.joint.floor import tolerance
 from bench.diagnosis.noise import Block, Noise
 from bench.diagnosis.report.telling import channel_finding
 from bench.diagnosis.result import FitSummary
-from bench.diagnosis.robot.diagnosis import Work, noise_of
+from bench.diagnosis.robot.channels import noise_of
+from bench.diagnosis.robot.diagnosis import Work
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.rattling import Shaker, worsened
 

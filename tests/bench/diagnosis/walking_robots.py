@@ -30,10 +30,11 @@ def believed() -> PhysicalRobot:
 
 
 @cache
-def recorded_walk() -> Recording:
+def recorded_walk(name: str = "marvin") -> Recording:
     """A short walk over the emulated bus, as a robot's own program records it."""
-    plant = BulletPlant(marvin())
-    session = in_process(marvin(), plant, load_profile(marvin().timing), observe_every_s=0.02)
+    robot = load_robot(name)
+    plant = BulletPlant(robot)
+    session = in_process(robot, plant, load_profile(robot.timing), observe_every_s=0.02)
     walk_in(session, Steering(seconds=4.5))
     plant.close()
     return session.recording("walk-1", "walk")
@@ -58,9 +59,9 @@ def walked_with(effects: dict[str, float], seed: int) -> Course:
     return walked_by(robot, seed)
 
 
-def walked_by(robot: PhysicalRobot, seed: int) -> Course:
+def walked_by(robot: PhysicalRobot, seed: int, told: Course | None = None) -> Course:
     """The same walk of another robot, from a slightly other start."""
-    told = walked()
+    told = told or walked()
     track = play(robot, told, Jitter(seed))
     seen = tuple(
         np.round(track.at(j, t) / told.quantum_rad) * told.quantum_rad
