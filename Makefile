@@ -1,6 +1,6 @@
 # make demo   a hexapod walks over an emulated bus, and leaves a folder of results
 # make test   all tests but the slowest
-# make slow   the slowest: diagnoses from end to end, stopped and gone on with, of walking robots
+# make slow   the slowest, half an hour and more: diagnoses from end to end, of walking robots, ...
 # make lint   style, types, import rules
 # make bench  speed, each figure against its floor
 # make power  a proof of the diagnosis on CASES cases, about a minute each: how large an effect must be

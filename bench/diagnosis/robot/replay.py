@@ -281,7 +281,7 @@ class _Stage(SteppedPlant):
             for _ in range(self._steps_per_tick):
                 self._step()
         times = from_s + np.arange(len(stands), dtype=np.float64) * (BASE_EVERY * TICK_S)
-        settled = from_s + SETTLE_S if from_s > 0.0 else -np.inf
+        settled = from_s + SETTLE_S if span else -np.inf
         angles = self._as_sensed(sensed)
         told = settled, to_s if span else np.inf
         lean = np.reshape(leans, (-1, len(OWN_LEAN)))

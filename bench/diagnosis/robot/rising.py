@@ -133,7 +133,8 @@ class Rising:
         if nats < BESIDE or before - left < HELD_OUT or self._ordinary(exact):
             return None
         behind = [replace(one, nats=one.nats - best.nats) for one in others]
-        return self._told(exact, behind, after, before - left, 1.0 - left / before)
+        share = (before - left) / max(before - self._quiet(self.judges), before - left)
+        return self._told(exact, behind, after, before - left, share)
 
     def _finer(self, found: RobotFit, r: int) -> RobotFit:
         """A fit with what all that is in it does there, its effect's size as well, if that is more.
@@ -196,6 +197,11 @@ class Rising:
         ]
         return float(np.mean(each)) if each else 0.0
 
+    def _quiet(self, which: Sequence[int]) -> float:
+        """What windows cost where no more than noise is left [nats], as :meth:`_cost` has it."""
+        looked = [np.isfinite(rise.recorded).sum() for r in which if (rise := self._rises[r])]
+        return 0.5 * float(np.mean(looked)) if looked else 0.0
+
     def _told(
         self,
         found: Sized,
@@ -224,7 +230,7 @@ class Rising:
             scope=scope_of(placed, model),
             parameters={placed.parameter.name: self._number(found)},
             held_out_gain_nats=outside,
-            explained_share=float(np.clip(share, 0.0, 1.0)),
+            explained_share=share,
             probability=own,
             indistinguishable_from=tuple(sorted(close, key=lambda rival: rival.behind_nats)),
         )
