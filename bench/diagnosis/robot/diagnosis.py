@@ -129,7 +129,8 @@ class Work:
             shaker, found = None, replace(found, base=base)
         riser = None
         if shaker is None:
-            taken, after, riser = self._risen(found.base, taken, after, without)
+            named, riser = self._risen((found, taken, after, rejected), without)
+            found, taken, after, rejected = named
         if shaker is None and riser is None:
             shaker = self._springs(base, taken, without)
         whole = after if shaker is None else shaker.beside(after)
@@ -142,8 +143,7 @@ class Work:
             causes.append(one.cause)
             placed = model.placed[one.gain.name]
             extra += of_causes([(placed, one.cause.parameters)], self.told)
-        if shaker is not None:
-            found = replace(found, base=base)
+        found = replace(found, base=base) if shaker or riser else found
         shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)
         shakes = self.rattling.left(whole, self.judges)
         believed = judge(model, self.robot, base.nuisances, (), self.judges)
@@ -159,8 +159,10 @@ class Work:
             held_out=self.held_out,
             recordings=tuple(model.observed[r].name for r in self.judges),
         )
-        ends = () if causes else self.held.strained(after, found.in_vain)
-        unlike = not causes and far_off(fit.after, fit.noise_floor)
+        # what shows as a robot stands up explains nothing of how it walks
+        bare = len(causes) == (riser is not None)
+        ends = self.held.strained(after, found.in_vain) if bare else ()
+        unlike = bare and far_off(fit.after, fit.noise_floor)
         volts = self.held.volts_denied(after)
         off = self.held.duties_denied(after)
         left = (
@@ -217,28 +219,34 @@ class Work:
             return None
         return self._shaker(base, without, is_spring)
 
-    def _risen(
-        self,
-        base: RobotFit,
-        taken: list[RobotGain],
-        after: RobotFit,
-        without: frozenset[str],
-    ) -> tuple[list[RobotGain], RobotFit, Riser | None]:
-        """What shows as a robot stands up, if there is time; names that are needed beside it."""
+    def _risen(self, named: Named, without: frozenset[str]) -> tuple[Named, Riser | None]:
+        """What shows as a robot stands up, if there is time, and what was named beside it.
+
+        Names that are needed beside it stay. Where none does, and more than noise is left of the
+        gait, there is another search that begins with it.
+        """
+        found, taken, after, rejected = named
         try:
             riser = self.rising.named(after, without)
         except OutOfTimeError:
-            return taken, after, None
+            return named, None
         if riser is None:
-            return taken, after, None
+            return named, None
         now, kept = riser.gain.fit, []
         for gain in taken:
-            bare = self.held.without(base, now, gain.name)
+            bare = self.held.without(found.base, now, gain.name)
             if (bare.cost - now.cost) / gain.inflation < NEEDED:
                 now = bare
             else:
                 kept.append(gain)
-        return kept, now, riser
+        if kept or self.held.consistent(now):
+            return (found, kept, now, rejected), riser
+        effect = self.model.placed[riser.gain.name].effect.name
+        try:
+            found, kept, now, more = self.searched(now, without | {effect}, again=False)
+        except OutOfTimeError:
+            return (found, kept, now, rejected), riser
+        return (found, kept, now, [*rejected, *more]), riser
 
     def _with_play(self, base: RobotFit, play: Shaker) -> RobotFit:
         """What the operator believes with as much play as shaking says, where that is no worse.

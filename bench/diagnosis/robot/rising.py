@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,9 +103,16 @@ class Rising:
     ) -> None:
         self.search, self.judges, self._say = search, judges, say
         self.model: RobotModel = search.model
-        self._rises = [Rise.of(features) for features in self.model.features]
-        risen = [r for r in which if self._rises[r] is not None]
-        self._first = risen[0] if risen else None
+        self._which = which
+
+    @cached_property
+    def _rises(self) -> list[Rise | None]:
+        return [Rise.of(features) for features in self.model.features]
+
+    @cached_property
+    def _first(self) -> int | None:
+        """The first of the recordings that are fitted in which a robot rises."""
+        return next((r for r in self._which if self._rises[r] is not None), None)
 
     def named(self, after: RobotFit, without: Collection[str] = ()) -> Riser | None:
         """What explains how a robot rises beside a fit to its gait, where judges bear it out."""
@@ -134,7 +142,22 @@ class Rising:
             return None
         behind = [replace(one, nats=one.nats - best.nats) for one in others]
         share = (before - left) / max(before - self._quiet(self.judges), before - left)
-        return self._told(exact, behind, after, before - left, share)
+        return self._told(
+            exact, behind, self._settled(there, after, self._first), before - left, share
+        )
+
+    def _settled(self, there: RobotFit, after: RobotFit, r: int) -> RobotFit:
+        """A fit to the gait beside what was found, its size held, or the fit that found it.
+
+        Where something else is the matter, a fit to the gait alone may spoil how the robot rises.
+        """
+        name, knob = there.settings[-1]
+        search = self.search
+        search.sight.held[name] = knob
+        fit = search.settle(search.fitted(there.names, there.z, after.noise))
+        best = min(fit, there, key=lambda one: self._total(one, r))
+        search.around(best)
+        return best
 
     def _finer(self, found: RobotFit, r: int) -> RobotFit:
         """A fit with what all that is in it does there, its effect's size as well, if that is more.
@@ -206,18 +229,13 @@ class Rising:
         self,
         found: Sized,
         behind: Sequence[Sized],
-        after: RobotFit,
+        fit: RobotFit,
         outside: float,
         share: float,
     ) -> Riser:
-        """A cause of what was found; the gait is fitted again beside it, its size held.
-
-        ``behind`` are others, with how much less they gain.
-        """
-        model, search = self.model, self.search
+        """A cause of what was found; ``behind`` are others, with how much less they gain."""
+        model = self.model
         placed = model.placed[found.name]
-        search.sight.held[found.name] = found.knob
-        fit = search.settle(search.fitted((*after.names, found.name), found.z, after.noise))
         others = {model.placed[one.name].effect.name: one for one in reversed(behind)}
         own, chance = chances(found.nats, {other: -one.nats for other, one in others.items()})
         close = [

@@ -256,6 +256,7 @@ def test_deleted_case_names_what_the_catalogue_lacks(tmp_path: Path) -> None:
     assert read_public(folder)["catalogue_without"] == ["punch"]
 
 
+@pytest.mark.slow
 def test_masked_case_has_a_larger_ordinary_misfit() -> None:
     case = draw(4, Asked(kind="single", effects=("punch",), concealment="masked", ratio=2.0))
     (mask,) = case.ordinary
@@ -290,6 +291,7 @@ FAILED_READS = Asked(
 )
 
 
+@pytest.mark.slow
 def test_reads_fail_in_recordings_for_fitting_where_that_is_hidden(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

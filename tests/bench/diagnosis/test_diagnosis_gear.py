@@ -20,6 +20,7 @@ SOFT = Hypothesis(effect_knobs(effect("joint_compliance")))
 
 
 @pytest.mark.parametrize("sprung", [False, True], ids=["rigid", "a spring"])
+@pytest.mark.slow
 def test_the_gear_that_recordings_follow_is_believed(sprung):
     told = observe(logs(motions=("fast", "steps"), sprung=sprung), robot(), JOINT)
     model, before = believed(read_model(robot()), robot(), told)

@@ -58,6 +58,7 @@ def test_there_is_no_pair_without_time_or_another_beginning(looked):
     assert paired(model, only, EFFECTS, quiet) is None
 
 
+@pytest.mark.slow
 def test_a_search_that_begins_with_a_wrong_name_ends_with_the_right_ones(looked, monkeypatch):
     model, base, confirmed = looked
     floor = noise_floor(model.observed, model.residuals(Hypothesis(), [base.z])[0])

@@ -103,6 +103,7 @@ def test_the_search_names_nothing_on_a_null():
     assert found is base
 
 
+@pytest.mark.slow
 def test_rivals_are_on_one_scale():
     model, _, (found, _, confirmed) = grown({"load_friction": TRUTHS["load_friction"]})
     probability, close, fits, without = rivals(

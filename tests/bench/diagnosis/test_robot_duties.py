@@ -278,6 +278,7 @@ def model():
         yield made
 
 
+@pytest.mark.slow
 def test_loads_tell_a_gain_from_a_supply_and_whose_gain_it_is(model):
     both = RobotKind.JOINTS, RobotKind.DUTY
 
@@ -298,6 +299,7 @@ def test_loads_tell_a_gain_from_a_supply_and_whose_gain_it_is(model):
     assert found.duty == pytest.approx(own)
 
 
+@pytest.mark.slow
 def test_a_recording_without_loads_is_fitted_beside_those_with_them(model):
     kinds = RobotKind.JOINTS, RobotKind.DUTY
     zero = np.zeros(len(model.nuisances))
@@ -310,6 +312,7 @@ def test_a_recording_without_loads_is_fitted_beside_those_with_them(model):
     assert np.isfinite(Sight(model, [0, 2], kinds).fit().cost)
 
 
+@pytest.mark.slow
 def test_the_noise_of_duties_is_that_of_rounding(model):
     sight = Sight(model, [0, 1], [RobotKind.DUTY])
     blocks = sight.blocks((), np.zeros(len(model.nuisances)))

@@ -381,6 +381,7 @@ def test_a_longer_recording_has_the_rows_of_a_shorter_one():
     ]
 
 
+@pytest.mark.slow
 def test_what_changes_a_shorter_recording_is_that_of_a_longer_one():
     courses = [until(2.0), until(2.6)]
     known = but("gain", "late")

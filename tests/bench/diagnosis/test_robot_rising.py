@@ -102,6 +102,7 @@ def search_on(**more):
         sight=sight,
         fitted=lambda names, z, _: RobotFit(names, z, {}, 5.0),
         settle=lambda fit: fit,
+        around=lambda _: None,
     )
 
 
@@ -144,6 +145,7 @@ def test_what_explains_most_of_it_is_named_with_its_size_and_the_gait_is_fitted_
     noise = 0.5 * 8.0  # nats of so many windows
     assert found.cause.explained_share == pytest.approx(50.0 / (400.0 - noise))
     assert found.gain.fit.settings == ((SAG, 1.0),)
+    assert found.gain.fit.cost == 5.0  # fitted again, and better
     assert rising.search.sight.held == {SAG: 1.0}
     assert "stands up" in risen(found)[0]
     assert risen(None) == ()
@@ -187,33 +189,62 @@ def test_where_nobody_stands_up_nothing_is_asked():
 # --- beside what the gait has named
 
 
-def work(found, bare_cost):
+NOW = RobotFit(("gain_error@all", SAG), np.zeros(3), {}, 5.0)
+GAIN = RobotGain("gain_error@all", AFTER, 30.0, 2.0, None)
+BEGUN = SimpleNamespace(base=AFTER)
+
+
+def work(named, bare_cost=0.0, *, consistent=True):
     made = Work.__new__(Work)
-    made.rising = SimpleNamespace(named=lambda *_: found)
-    made.held = SimpleNamespace(without=lambda _, now, name: RobotFit((SAG,), now.z, {}, bare_cost))
+    made.model = SimpleNamespace(placed=placed_effects(believed()))
+    made.rising = SimpleNamespace(named=named)
+    made.held = SimpleNamespace(
+        without=lambda _, now, name: RobotFit((SAG,), now.z, {}, bare_cost),
+        consistent=lambda _: consistent,
+    )
     return made
 
 
-@pytest.mark.parametrize(("worse", "kept"), [(NEEDED - 0.1, []), (NEEDED + 0.1, ["gain"])])
+def riser():
+    return Riser(SimpleNamespace(name=SAG, fit=NOW), SimpleNamespace())
+
+
+@pytest.mark.parametrize(("worse", "kept"), [(NEEDED - 0.1, []), (NEEDED + 0.1, [GAIN])])
 def test_names_are_kept_that_are_needed_beside_it(worse, kept):
-    now = RobotFit(("gain_error@all", SAG), np.zeros(3), {}, 5.0)
-    found = Riser(SimpleNamespace(name=SAG, fit=now), SimpleNamespace())
-    gain = RobotGain("gain_error@all", AFTER, 30.0, 2.0, None)
-    taken, after, told = work(found, 5.0 + 2.0 * worse)._risen(AFTER, [gain], AFTER, frozenset())
+    found = riser()
+    made = work(lambda *_: found, NOW.cost + GAIN.inflation * worse)
+    named, told = made._risen((BEGUN, [GAIN], AFTER, []), frozenset())
     assert told is found
-    assert taken == ([gain] if kept else [])
-    assert (after is now) == bool(kept)
+    assert named[:2] == (BEGUN, kept)
+    assert (named[2] is NOW) == bool(kept)
 
 
-def test_without_it_or_without_time_all_is_as_it_was():
-    assert work(None, 0.0)._risen(AFTER, [], AFTER, frozenset()) == ([], AFTER, None)
-    made = work(None, 0.0)
+def late(*_, **__):
+    raise OutOfTimeError
 
-    def late(*_):
-        raise OutOfTimeError
 
-    made.rising.named = late
-    assert made._risen(AFTER, [], AFTER, frozenset()) == ([], AFTER, None)
+@pytest.mark.parametrize("named", [lambda *_: None, late])
+def test_without_it_or_without_time_all_is_as_it_was(named):
+    before = BEGUN, [GAIN], AFTER, ["one"]
+    assert work(named)._risen(before, frozenset()) == (before, None)
+
+
+def test_where_more_is_left_of_the_gait_there_is_another_search_with_it():
+    found = riser()
+    made = work(lambda *_: found, consistent=False)
+    asked = []
+
+    def searched(base, without, again):
+        asked.append((base, without, again))
+        return "found", ["tips"], "fit", ["two"]
+
+    made.searched = searched
+    named, _ = made._risen((BEGUN, [], AFTER, ["one"]), frozenset({"payload"}))
+    assert asked == [(NOW, {"payload", "voltage_sag"}, False)]
+    assert named == ("found", ["tips"], "fit", ["one", "two"])
+    made.searched = late
+    named, told = made._risen((BEGUN, [], AFTER, ["one"]), frozenset())
+    assert (named, told) == ((BEGUN, [], NOW, ["one"]), found)
 
 
 # --- on replays

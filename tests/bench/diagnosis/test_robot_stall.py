@@ -51,6 +51,7 @@ def test_at_its_end_it_stands_in_for_nothing():
     assert not one.far(-1.0, 0.9)
 
 
+@pytest.mark.slow
 def test_a_torque_constant_of_the_file_is_no_stall_torque(tmp_path):
     document = {**marvin().document, "drive": {**marvin().document["drive"]}}
     constant = {"value": believed().joints[0].drive.torque_constant_nm_a, "source": "measured"}

@@ -97,6 +97,7 @@ def model():
         yield made
 
 
+@pytest.mark.slow
 def test_replays_have_the_voltage_and_less_of_it_where_the_supply_has_less(model):
     volts = believed().supply.voltage_v
     kind = RobotKind.VOLTAGE
@@ -111,6 +112,7 @@ def test_replays_have_the_voltage_and_less_of_it_where_the_supply_has_less(model
     assert trace.mean() == pytest.approx(volts, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_voltage_tells_a_supply_from_a_gain(model):
     names = ("supply_voltage@all", "gain_error@all")
 
@@ -125,6 +127,7 @@ def test_a_voltage_tells_a_supply_from_a_gain(model):
     assert ahead(2, both) < ahead(2, joints) - 5.0
 
 
+@pytest.mark.slow
 def test_a_fit_says_what_of_its_cost_is_of_voltages(model):
     both = Sight(model, [1], (RobotKind.JOINTS, RobotKind.VOLTAGE))
     supply, gain = (both.fit((name,)) for name in ("supply_voltage@all", "gain_error@all"))
@@ -169,6 +172,7 @@ def test_a_repeat_whose_voltage_was_read_at_other_phases_moves_as_the_first_does
 
 
 @pytest.mark.parametrize("recordings", [1, 4])
+@pytest.mark.slow
 def test_all_recordings_together_tell_a_voltage_once(model, recordings):
     noise = voltage_noise(model, recordings)
     level = VOLTAGE_SENSE * believed().supply.voltage_v
