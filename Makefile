@@ -23,7 +23,7 @@ demo: $(READY)
 # each worker has a core: threads of a library's own would only wait for one another
 test: $(READY)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0 -m 'not slow and not pty'
-	$(BIN)/python -m pytest -q -m 'not slow and pty'
+	$(BIN)/python -m pytest -q -m 'not slow and pty' $$(grep -rl --include='*.py' 'mark\.pty' tests)
 
 slow: $(READY)
 	$(BIN)/python -m pytest -q -m slow

@@ -200,7 +200,10 @@ def as_believed(name: str) -> tuple[Plan, Whole, Floats]:
     return plan, base, play(SCENES[name], plan, base.body, base.electrics).track_rad
 
 
-@pytest.mark.parametrize("name", LEGGED)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=() if n == "foot_compliance" else pytest.mark.slow) for n in LEGGED],
+)
 def test_legged_effect_moves_the_trace(name: str) -> None:
     effect = LEGGED[name]
     scene = SCENES["marvin-leg" if effect.standing else "marvin-walk"]

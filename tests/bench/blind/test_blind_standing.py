@@ -63,6 +63,7 @@ def test_an_unknown_programme_is_refused():
         list(ways(StandPlan("jump"), gait, legs))
 
 
+@pytest.mark.slow
 def test_what_is_on_the_trunk_stands_in_the_recording_and_has_no_phase_of_a_gait():
     draft = LeggedDraft(4, Asked(kind="null", rig=SCENE.name, style="position, voltage and load"))
     plan = StandPlan("sway", 0.092)

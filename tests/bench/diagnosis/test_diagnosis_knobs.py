@@ -224,6 +224,7 @@ def test_a_twin_and_its_nuisance_change_the_same(name):
         assert parts(as_effect) == pytest.approx(parts(as_nuisance))
 
 
+@pytest.mark.slow
 def test_a_twin_idles_its_nuisance_and_no_other():
     told = model_of(logs()).observed
     model = JointModel(read_model(robot()), robot(), told, sprung=True)
@@ -253,6 +254,7 @@ def test_a_robot_file_may_say_how_sure_it_is():
 
 
 @pytest.mark.parametrize("less", [0.9, 1.0, 4.0])
+@pytest.mark.slow
 def test_a_rotor_that_is_hardly_known_keeps_an_inertia_that_a_spring_can_move(less):
     """Of a file whose deviation is its whole value, fits try lighter rotors than none."""
     model = JointModel(read_model(robot()), robot(), model_of(logs(motions=["fast"])).observed)

@@ -143,6 +143,7 @@ def test_a_diagnoser_that_changed_during_the_run_is_told(
     assert write_score(proof, 9, told, active)["frozen"] is frozen
 
 
+@pytest.mark.slow
 def test_what_was_not_run_is_left_out_with_a_word(tmp_path):
     proof = small_proof(tmp_path / "proof")
     proof.prepare()
