@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -88,7 +88,17 @@ def _rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> tuple[f
             seen(name, gain.deflated * (1.0 - cosine**2))
     if gain.name in SERIES and SERIES[gain.name] in tried:
         seen(SERIES[gain.name], AS_GOOD)
-    own, others = chances(gain.deflated, {other: nats for other, (nats, _) in behind.items()})
+    return rivals_of(model, gain.deflated, behind)
+
+
+def rivals_of(
+    model: RobotModel, own_nats: float, behind: Mapping[str, tuple[float, str]]
+) -> tuple[float, list[Rival]]:
+    """Probability of an effect that gains so much, and the others close behind it, nearest first.
+
+    ``behind`` has, by effect, how much less it gains [nats] and its name at a place.
+    """
+    own, others = chances(own_nats, {other: nats for other, (nats, _) in behind.items()})
     close = [
         Rival(other, scope_of(model.placed[name], model), others[other], nats)
         for other, (nats, name) in behind.items()

@@ -22,10 +22,9 @@ from sim.effects.effect import TRUNK
 
 from ..joint.confidence import NORMAL, estimate
 from ..joint.fit import bounded_step
-from ..joint.rivals import CLOSE, chances
 from ..noise import Block, Noise, huber, huber_weight, whiten
-from ..result import Cause, Estimate, Rival
-from .causes import ENGINES_SHARE, scope_of
+from ..result import Cause, Estimate
+from .causes import ENGINES_SHARE, rivals_of, scope_of
 from .effects import EVERYWHERE
 from .exact import FIRM
 from .fit import RobotFit
@@ -42,8 +41,8 @@ Floats = NDArray[np.float64]
 
 #: effects that show as a robot rises, and hardly as it walks
 RISERS = frozenset({"voltage_sag", "foot_slip"})
-#: by how much the means of two engines differ as a robot rises, once tolerances are fitted: nulls
-#: and cases with the truth in them leave 2 to 4 mrad, most of it for half a second and longer
+#: by how much the means of two engines differ as a robot rises, once tolerances are fitted: two
+#: cases of another engine leave 2 to 4 mrad with the truth in them; how long it lasts is assumed
 ENGINES = Noise(2.0e-3, 3.5e-3, 1.0)
 TRACED = 0.5  #: deviations of a tolerance by which its trace is taken, towards what is believed
 #: sizes at which those are asked first, in first tries: what weakens a robot that rises does more
@@ -236,13 +235,10 @@ class Rising:
         """A cause of what was found; ``behind`` are others, with how much less they gain."""
         model = self.model
         placed = model.placed[found.name]
-        others = {model.placed[one.name].effect.name: one for one in reversed(behind)}
-        own, chance = chances(found.nats, {other: -one.nats for other, one in others.items()})
-        close = [
-            Rival(other, scope_of(model.placed[one.name], model), chance[other], -one.nats)
-            for other, one in others.items()
-            if -one.nats < CLOSE
-        ]
+        others = {
+            model.placed[one.name].effect.name: (-one.nats, one.name) for one in reversed(behind)
+        }
+        own, close = rivals_of(model, found.nats, others)
         cause = Cause(
             effect=placed.effect.name,
             scope=scope_of(placed, model),
@@ -250,7 +246,7 @@ class Rising:
             held_out_gain_nats=outside,
             explained_share=share,
             probability=own,
-            indistinguishable_from=tuple(sorted(close, key=lambda rival: rival.behind_nats)),
+            indistinguishable_from=tuple(close),
         )
         return Riser(RobotGain(found.name, fit, found.nats, 1.0, outside), cause)
 
