@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -16,30 +15,26 @@ from sim.model import Addition, read_model
 
 from ..journal import Journal
 from ..result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
-from ..watch import OutOfTimeError
 from .causes import cause_of, close_rivals
 from .channels import channels, ranking
-from .effects import SINGLE
 from .features import RobotKind
 from .fit import RobotFit
-from .gains import NEEDED, RobotFindings, RobotGain
+from .gains import RobotFindings, RobotGain
 from .improved import of_causes, of_nuisances
 from .judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
 from .limits import in_series, limits, other_duties, other_volts, stand_in
-from .model import RATTLING, Progress, RobotModel, is_play
+from .model import Progress, RobotModel
+from .naming import Naming
 from .next import next_experiments
 from .places import mismatch, moved
-from .rattling import Rattling, Shaker, is_spring, told, worsened
+from .rattling import Rattling, told, worsened
 from .replay import course
 from .rest import Rest
-from .rising import Riser, Rising, risen
+from .rising import Rising, risen
 from .search import RobotSearch
 from .settling import RobotJudges, far_off
 
 Floats = NDArray[np.float64]
-
-#: what was found, the names that hold, the fit with them, and those taken back
-Named = tuple[RobotFindings, list[RobotGain], RobotFit, list[Mapping[str, Any]]]
 
 PLACES = 6  #: of a joint in stance or swing whose rest is told in details, the most foretold
 
@@ -110,30 +105,15 @@ class Work:
         self.search = RobotSearch(model, which, say=say)
         self.held = RobotJudges(self.search, robot, which, self.judges, self.held_out)
         self.rattling = Rattling(model, which, self.judges, say)
-        self.rising = Rising(self.search, which, self.judges, say)
+        rising = Rising(self.search, which, self.judges, say)
+        self.naming = Naming(self.search, self.held, self.rattling, rising, tell)
 
     def diagnosed(self, without: frozenset[str]) -> RobotDiagnosis:
         """Search, judge, and say what was found."""
         model = self.model
-        base = begun = self.held.firm(self.search.believed(), self.tell)
-        shaker = self._shaker(base, without)
-        if shaker is not None:
-            # what rattles leaves much that no name explains: one search is enough
-            begun, without = self._with_play(base, shaker), without | RATTLING
-        found, taken, after, rejected = self.named(begun, without, shaker is None)
-        if shaker is None and self.rattling.denies(after):
-            taken, after = self._without_play(found, taken, after)
-        if shaker is not None and not self.rattling.bears_out(shaker.beside(after)):
-            if shaker.gain.name in after.names:
-                after = self.held.without(begun, after, shaker.gain.name)
-            shaker, found = None, replace(found, base=base)
-        riser = None
-        if shaker is None:
-            named, riser = self._risen((found, taken, after, rejected), without)
-            found, taken, after, rejected = named
-        if shaker is None and riser is None:
-            shaker = self._springs(base, taken, without)
-        whole = after if shaker is None else shaker.beside(after)
+        answer = self.naming.answer(without)
+        found, taken, after, rejected = answer.named
+        shaker, riser, whole = answer.shaker, answer.riser, answer.whole
         rest = self.held.rest(after)
         self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after, rest)
@@ -143,6 +123,7 @@ class Work:
             causes.append(one.cause)
             placed = model.placed[one.gain.name]
             extra += of_causes([(placed, one.cause.parameters)], self.told)
+        base = answer.base
         found = replace(found, base=base) if shaker or riser else found
         shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)
         shakes = self.rattling.left(whole, self.judges)
@@ -201,113 +182,6 @@ class Work:
             },
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
-
-    def _shaker(
-        self, base: RobotFit, without: frozenset[str], asked: Callable[[str], bool] = is_play
-    ) -> Shaker | None:
-        """Play that shaking shows, or another kind that is asked for, if there is time."""
-        try:
-            return self.rattling.named(base, without, asked)
-        except OutOfTimeError:
-            return None
-
-    def _springs(
-        self, base: RobotFit, taken: Sequence[RobotGain], without: frozenset[str]
-    ) -> Shaker | None:
-        """Springs that a robot hunts on, where nothing that means show has a name."""
-        if taken or self.held.consistent(base):
-            return None
-        return self._shaker(base, without, is_spring)
-
-    def _risen(self, named: Named, without: frozenset[str]) -> tuple[Named, Riser | None]:
-        """What shows as a robot stands up, if there is time, and what was named beside it.
-
-        Names that are needed beside it stay. Where none does, and more than noise is left of the
-        gait, there is another search that begins with it.
-        """
-        found, taken, after, rejected = named
-        try:
-            riser = self.rising.named(after, without)
-        except OutOfTimeError:
-            return named, None
-        if riser is None:
-            return named, None
-        now, kept = riser.gain.fit, []
-        for gain in taken:
-            bare = self.held.without(found.base, now, gain.name)
-            if (bare.cost - now.cost) / gain.inflation < NEEDED:
-                now = bare
-            else:
-                kept.append(gain)
-        if kept or self.held.consistent(now):
-            return (found, kept, now, rejected), riser
-        effect = self.model.placed[riser.gain.name].effect.name
-        try:
-            found, kept, now, more = self.searched(now, without | {effect}, again=False)
-        except OutOfTimeError:
-            return (found, kept, now, rejected), riser
-        return (found, kept, now, [*rejected, *more]), riser
-
-    def _with_play(self, base: RobotFit, play: Shaker) -> RobotFit:
-        """What the operator believes with as much play as shaking says, where that is no worse.
-
-        Where much rattles, means over the phase are nearer to those of a robot without.
-        """
-        name = play.gain.name
-        self.search.sight.held[name] = play.knob
-        loose = self.search.thoroughly((name,), np.array([play.knob]), base.noise)
-        return loose if loose.cost < base.cost else base
-
-    def _without_play(
-        self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit
-    ) -> tuple[list[RobotGain], RobotFit]:
-        """What was found but play that shaking denies."""
-        kept = []
-        for gain in taken:
-            if is_play(gain.name):
-                after = self.held.without(found.base, after, gain.name)
-            else:
-                kept.append(gain)
-        return kept, after
-
-    def named(self, base: RobotFit, without: frozenset[str], again: bool) -> Named:
-        """What :meth:`searched` gives, where more than noise is left.
-
-        Else no more than what stands for tolerances at their ends, if there is time for that. Where
-        a robot stands, chance drags zeros to their ends, and no joint's zero is named.
-        """
-        if self.held.stands:
-            without |= SINGLE
-        if not self.held.consistent(base):
-            return self.searched(base, without, again)
-        found = self.search.nothing(base)
-        if self.held.at_ends(base):
-            with suppress(OutOfTimeError):
-                found = self.search.beyond(base, without)
-        taken, after, rejected = self.held.kept(found, self.tell)
-        if not taken:  # what was consistent is so, wherever else fits without a name have led
-            found, after = replace(found, base=base, fit=base, taken=()), base
-        return found, taken, after, rejected
-
-    def searched(self, base: RobotFit, without: frozenset[str], again: bool) -> Named:
-        """What a search found, the names that hold, the fit with them, and those taken back.
-
-        No more names are looked for where a robot with them is as far from its recordings as one
-        that is as believed. Where the first name is taken back there is a second search without it,
-        if there is time, and if it shall search ``again``.
-        """
-        done = self.held.consistent
-        found = self.search.run(without=without, base=base, done=done)
-        taken, after, rejected = self.held.kept(found, self.tell)
-        if not again or not found.taken or found.taken[0] in taken:
-            return found, taken, after, rejected
-        without |= {self.model.placed[found.taken[0].name].effect.name}
-        try:
-            found = self.search.run(without=without, base=base, done=done)
-        except OutOfTimeError:
-            return found, taken, after, rejected
-        taken, after, more = self.held.kept(found, self.tell)
-        return found, taken, after, [*rejected, *more]
 
     def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
         """Where what is named moves the robot; without a name, where more is left than noise."""

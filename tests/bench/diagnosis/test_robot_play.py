@@ -10,33 +10,12 @@ from bench.diagnosis.noise import Block, Noise
 from bench.diagnosis.report.telling import channel_finding
 from bench.diagnosis.result import FitSummary
 from bench.diagnosis.robot.channels import noise_of
-from bench.diagnosis.robot.diagnosis import Work
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.rattling import Shaker, worsened
 
 BASE = RobotFit((), np.zeros(1), {}, 10.0)
 LOOSE = RobotFit(("backlash@all",), np.array([0.0, 5.0]), {}, 10.0)
 PLAY = Shaker(SimpleNamespace(name="backlash@all", fit=LOOSE), SimpleNamespace())
-
-
-def work():
-    made = Work.__new__(Work)
-    made.search = SimpleNamespace(sight=SimpleNamespace(held={}))
-    return made
-
-
-@pytest.mark.parametrize(("cost", "loose"), [(9.0, True), (11.0, False)])
-def test_a_search_begins_with_play_where_means_over_the_phase_are_no_worse_for_it(cost, loose):
-    made = work()
-    begun = RobotFit(LOOSE.names, LOOSE.z, {}, cost)
-
-    def thoroughly(names, knobs, noise):
-        assert made.search.sight.held == {"backlash@all": 5.0}
-        assert (names, knobs.tolist()) == (("backlash@all",), [5.0])
-        return begun
-
-    made.search.thoroughly = thoroughly
-    assert made._with_play(BASE, PLAY) is (begun if loose else BASE)
 
 
 def test_play_is_beside_what_was_found_once():

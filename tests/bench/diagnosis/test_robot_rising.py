@@ -7,21 +7,18 @@ import pytest
 from walking_robots import believed, but, marvin, recorded_walk, walked, walked_by
 
 from bench.diagnosis.robot import rising as robot_rising
-from bench.diagnosis.robot.diagnosis import Work
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import Features
 from bench.diagnosis.robot.fit import RobotFit
-from bench.diagnosis.robot.gains import NEEDED, RobotGain
 from bench.diagnosis.robot.gait import WINDOW_S
 from bench.diagnosis.robot.model import RobotModel
 from bench.diagnosis.robot.nuisances import nuisances
 from bench.diagnosis.robot.pool import Job, Replays
 from bench.diagnosis.robot.replay import course, play
 from bench.diagnosis.robot.rise import LONGEST_S, Rise
-from bench.diagnosis.robot.rising import Riser, Rising, Sized, at_best, peak, risen
+from bench.diagnosis.robot.rising import Rising, Sized, at_best, peak, risen
 from bench.diagnosis.robot.search import RobotSearch
 from bench.diagnosis.robot.steps import BESIDE, HELD_OUT
-from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
 from sim.effects import effect
 from sim.model import read_model
@@ -184,67 +181,6 @@ def test_where_nobody_stands_up_nothing_is_asked():
     search = search_on()
     search.model.features = [SimpleNamespace(phase=None)] * 2
     assert Rising(search, [0], [1], lambda _: None).named(AFTER) is None
-
-
-# --- beside what the gait has named
-
-
-NOW = RobotFit(("gain_error@all", SAG), np.zeros(3), {}, 5.0)
-GAIN = RobotGain("gain_error@all", AFTER, 30.0, 2.0, None)
-BEGUN = SimpleNamespace(base=AFTER)
-
-
-def work(named, bare_cost=0.0, *, consistent=True):
-    made = Work.__new__(Work)
-    made.model = SimpleNamespace(placed=placed_effects(believed()))
-    made.rising = SimpleNamespace(named=named)
-    made.held = SimpleNamespace(
-        without=lambda _, now, name: RobotFit((SAG,), now.z, {}, bare_cost),
-        consistent=lambda _: consistent,
-    )
-    return made
-
-
-def riser():
-    return Riser(SimpleNamespace(name=SAG, fit=NOW), SimpleNamespace())
-
-
-@pytest.mark.parametrize(("worse", "kept"), [(NEEDED - 0.1, []), (NEEDED + 0.1, [GAIN])])
-def test_names_are_kept_that_are_needed_beside_it(worse, kept):
-    found = riser()
-    made = work(lambda *_: found, NOW.cost + GAIN.inflation * worse)
-    named, told = made._risen((BEGUN, [GAIN], AFTER, []), frozenset())
-    assert told is found
-    assert named[:2] == (BEGUN, kept)
-    assert (named[2] is NOW) == bool(kept)
-
-
-def late(*_, **__):
-    raise OutOfTimeError
-
-
-@pytest.mark.parametrize("named", [lambda *_: None, late])
-def test_without_it_or_without_time_all_is_as_it_was(named):
-    before = BEGUN, [GAIN], AFTER, ["one"]
-    assert work(named)._risen(before, frozenset()) == (before, None)
-
-
-def test_where_more_is_left_of_the_gait_there_is_another_search_with_it():
-    found = riser()
-    made = work(lambda *_: found, consistent=False)
-    asked = []
-
-    def searched(base, without, again):
-        asked.append((base, without, again))
-        return "found", ["tips"], "fit", ["two"]
-
-    made.searched = searched
-    named, _ = made._risen((BEGUN, [], AFTER, ["one"]), frozenset({"payload"}))
-    assert asked == [(NOW, {"payload", "voltage_sag"}, False)]
-    assert named == ("found", ["tips"], "fit", ["one", "two"])
-    made.searched = late
-    named, told = made._risen((BEGUN, [], AFTER, ["one"]), frozenset())
-    assert (named, told) == ((BEGUN, [], NOW, ["one"]), found)
 
 
 # --- on replays

@@ -10,7 +10,6 @@ import pytest
 from walking_robots import believed, marvin, walked, walked_by
 
 from bench.diagnosis.robot import rattling as robot_rattling
-from bench.diagnosis.robot.diagnosis import Work
 from bench.diagnosis.robot.features import Features
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import NEEDED, RobotGain
@@ -224,16 +223,6 @@ def test_springs_that_explain_shaking_are_named_where_they_are_asked_for(monkeyp
     assert springs.named(OFF, asked=is_spring).cause == (0.9, 36.0)
     assert springs.search.asked is is_spring
     assert rattling(monkeypatch, left).named(OFF, asked=is_spring) is None
-
-
-@pytest.mark.parametrize(
-    ("taken", "consistent", "asked"), [((), False, True), ((1,), False, False), ((), True, False)]
-)
-def test_springs_are_asked_of_shaking_where_means_name_nothing(taken, consistent, asked):
-    work = object.__new__(Work)
-    work.held = SimpleNamespace(consistent=lambda fit: consistent)
-    work.rattling = SimpleNamespace(named=lambda base, without, kind: kind)
-    assert (work._springs(OFF, taken, frozenset()) is is_spring) is asked
 
 
 def test_samples_do_not_speak_against_what_shaking_has_named():
