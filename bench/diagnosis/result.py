@@ -67,7 +67,10 @@ class Rival:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """A named effect with its evidence."""
+    """A named effect with its evidence.
+
+    ``shown_by`` is what shows it, and what its share is of, where those are not the positions.
+    """
 
     effect: str
     scope: tuple[str, ...]
@@ -76,6 +79,7 @@ class Cause:
     explained_share: float
     probability: float
     indistinguishable_from: tuple[Rival, ...] = ()
+    shown_by: str = ""
 
     @property
     def kind(self) -> str:
@@ -162,6 +166,7 @@ class Diagnosis:
                         asdict(r) | {"scope": list(r.scope)} for r in c.indistinguishable_from
                     ],
                 }
+                | ({"shown_by": c.shown_by} if c.shown_by else {})
                 for c in self.causes
             ],
             "fit": {"metric": "rmse_rad"}

@@ -20,6 +20,7 @@ from .words import (
     number,
     percent,
     phase,
+    placed,
     plain,
     quantity,
     sentence,
@@ -115,7 +116,9 @@ def _repeats(diagnosis: Diagnosis) -> bool:
 
 def _with_rivals(cause: Cause) -> str:
     how = "wrong value" if cause.kind == "wrong_value" else "missing"
-    told = f"{named(cause)} ({how}; explains {percent(max(0.0, cause.explained_share))})"
+    share = percent(max(0.0, cause.explained_share))
+    of = f" of {cause.shown_by}" if cause.shown_by else ""
+    told = f"{named(cause)} ({how}; explains {share}{of})"
     rivals = [plain(rival.effect) for rival in cause.indistinguishable_from]
     return f"{told}, or {joined(rivals, 'or')}: not told apart" if rivals else told
 
@@ -124,7 +127,19 @@ def explains(cause: Cause) -> str:
     """What a cause takes away of the misfit, of what a perfect model could."""
     if cause.explained_share < 0.0:
         return "makes the misfit on the recordings that judge worse"
-    return f"explains {percent(cause.explained_share)} of what can be explained"
+    of = cause.shown_by or "what can be explained"
+    return f"explains {percent(cause.explained_share)} of {of}"
+
+
+def hypothesis(row: Mapping[str, Any]) -> str:
+    """What was fitted, of a row of the ranking: the effect, its place, and what shows it."""
+    told = f"{placed(row['effect'])} of {row['joint']}" if "joint" in row else placed(row["effect"])
+    return f"{told}, by {row['shown_by']}" if "shown_by" in row else told
+
+
+def beneath(row: Mapping[str, Any]) -> str:
+    """What was in the fit beside it."""
+    return joined(map(placed, row["with"])) or "nothing"
 
 
 def worse(diagnosis: Diagnosis) -> bool:

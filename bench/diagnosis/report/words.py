@@ -136,6 +136,14 @@ def plain(name: str) -> str:
     return name.replace("_", " ")
 
 
+def placed(name: str) -> str:
+    """A name with its place, if that is not the whole robot: ``backlash of femur``."""
+    effect, _, place = name.partition("@")
+    kind, _, along = effect.partition(".")
+    told = f"{plain(kind)} in {along}" if along else plain(kind)
+    return told if place in {"", "all"} else f"{told} of {place}"
+
+
 def meaning(effect: str) -> str:
     """What an effect is, in a few words."""
     if effect in MEANINGS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from ..noise import Block, Noise
 from .features import MEANS, RobotKind
 from .fit import RobotFit
-from .gains import RobotFindings
+from .gains import RobotFindings, RobotGain
 from .settling import RobotJudges
 
 JUDGES = {
@@ -59,17 +59,24 @@ def noise_of(blocks: Sequence[Block], noise: Noise) -> float:
     return float(np.hypot(noise.total, np.sqrt(scatter)))
 
 
-def ranking(found: RobotFindings) -> tuple[Mapping[str, Any], ...]:
-    """What was tried in each step, with what it gained."""
-    return tuple(
-        {
-            "effect": gain.name,
-            "with": [n for n in gain.fit.names if n != gain.name],
-            "gain_nats": float(gain.nats),
-            "inflation": float(gain.inflation),
-            "deflated_nats": float(gain.deflated),
-            "held_out_nats": gain.held_out,
-        }
-        for step in found.tried
-        for gain in step
-    )
+def ranking(
+    found: RobotFindings, whole: RobotFit, beside: Iterable[tuple[RobotGain, str]] = ()
+) -> tuple[Mapping[str, Any], ...]:
+    """What was tried in each step, with what it gained, and whether ``whole`` has it.
+
+    ``beside`` is what something else than the gait has shown, with what that is.
+    """
+    rows = [_row(gain, whole) for step in found.tried for gain in step]
+    return (*rows, *(_row(gain, whole) | {"shown_by": by} for gain, by in beside))
+
+
+def _row(gain: RobotGain, whole: RobotFit) -> dict[str, Any]:
+    return {
+        "effect": gain.name,
+        "with": [n for n in gain.fit.names if n != gain.name],
+        "gain_nats": float(gain.nats),
+        "inflation": float(gain.inflation),
+        "deflated_nats": float(gain.deflated),
+        "held_out_nats": gain.held_out,
+        "named": {gain.name, *gain.fit.names} <= set(whole.names),
+    }

@@ -117,14 +117,16 @@ class Work:
         rest = self.held.rest(after)
         self.tell("replaying the recordings that judge")
         causes, nexts, extra = self._causes(found, taken, after, rest)
+        beside = []
         for one in (shaker, riser):
             if one is None:
                 continue
             causes.append(one.cause)
             placed = model.placed[one.gain.name]
             extra += of_causes([(placed, one.cause.parameters)], self.told)
+            beside.append((one.gain, one.cause.shown_by))
         base = answer.base
-        found = replace(found, base=base) if shaker or riser else found
+        found = replace(found, base=base) if beside else found
         shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)
         shakes = self.rattling.left(whole, self.judges)
         believed = judge(model, self.robot, base.nuisances, (), self.judges)
@@ -169,7 +171,7 @@ class Work:
             ),
             channels=channels(self.held, found, after),
             rejected=tuple(rejected),
-            ranking=ranking(found),
+            ranking=ranking(found, whole, beside),
             details=self._details(found, after, rest)
             | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
             | {

@@ -151,7 +151,7 @@ class Rattling:
         self.model.recentre(found.fit.settings, found.fit.nuisances, self.which)
         share = 1.0 - outside / max(before, 1e-30)
         cause = cause_of(self.search, found, gain, found.fit, share, before - outside)
-        return Shaker(gain, cause)
+        return Shaker(gain, replace(cause, shown_by="how much joints shake"))
 
     def denies(self, after: RobotFit) -> bool:
         """Whether joints shake less than with the play that means over the phase had named."""

@@ -247,6 +247,7 @@ class Rising:
             explained_share=share,
             probability=own,
             indistinguishable_from=tuple(close),
+            shown_by="how the robot stands up",
         )
         return Riser(RobotGain(found.name, fit, found.nats, 1.0, outside), cause)
 

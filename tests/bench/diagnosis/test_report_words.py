@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from bench.diagnosis.report.telling import measured, named
-from bench.diagnosis.report.words import in_few, number
+from bench.diagnosis.report.words import in_few, number, placed
 
 SEGMENTS = ("coxa", "femur", "tibia")
 
@@ -73,3 +73,17 @@ def test_a_cause_in_one_direction_is_told_with_it(parameters, told):
 )
 def test_a_deviation_is_told_in_the_unit_of_its_channel(channel, value, told):
     assert measured({"channel": channel, "rms_after": value}, "rms_after") == told
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("gain_error@all", "gain error"),
+        ("backlash@femur", "backlash of femur"),
+        ("com_offset.x@trunk", "com offset in x of trunk"),
+        ("zero_offset@leg3.femur", "zero offset of leg3.femur"),
+        ("dead_zone", "dead zone"),
+    ],
+)
+def test_an_effect_at_a_place_is_told_in_words(name, told):
+    assert placed(name) == told

@@ -144,6 +144,7 @@ def test_what_explains_most_of_it_is_named_with_its_size_and_the_gait_is_fitted_
     assert found.gain.fit.settings == ((SAG, 1.0),)
     assert found.gain.fit.cost == 5.0  # fitted again, and better
     assert rising.search.sight.held == {SAG: 1.0}
+    assert found.cause.shown_by == "how the robot stands up"
     assert "stands up" in risen(found)[0]
     assert risen(None) == ()
 

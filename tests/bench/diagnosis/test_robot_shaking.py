@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from walking_robots import believed, marvin, walked, walked_by
 
+from bench.diagnosis.result import Cause
 from bench.diagnosis.robot import rattling as robot_rattling
 from bench.diagnosis.robot.features import Features
 from bench.diagnosis.robot.fit import RobotFit
@@ -156,7 +157,11 @@ def rattling(monkeypatch, left, name="backlash"):
         run=lambda **_: found, sight=SimpleNamespace(fit=lambda: RobotFit((), np.zeros(0), {}, 0.0))
     )
     monkeypatch.setattr(Rattling, "left", lambda _, fit, which: left[fit is LOOSE, which])
-    monkeypatch.setattr(robot_rattling, "cause_of", lambda *given: given[4:])
+    monkeypatch.setattr(
+        robot_rattling,
+        "cause_of",
+        lambda search, found, gain, after, share, nats: Cause(gain.name, (), {}, nats, share, 1.0),
+    )
     return made
 
 
@@ -167,7 +172,8 @@ def nats(fitted, judged, fitted_with=0.0, judged_with=0.0):
 
 def test_play_that_explains_shaking_is_named(monkeypatch):
     play = rattling(monkeypatch, nats(60.0, 40.0, 2.0, 4.0)).named(OFF)
-    assert play.cause == (0.9, 36.0)  # the share explained, and the gain, where it is judged
+    assert (play.cause.explained_share, play.cause.held_out_gain_nats) == (0.9, 36.0)  # of judges
+    assert play.cause.shown_by == "how much joints shake"
     assert play.knob == 5.0
 
 
@@ -220,7 +226,7 @@ def test_springs_that_explain_shaking_are_named_where_they_are_asked_for(monkeyp
     left = nats(60.0, 40.0, 2.0, 4.0)
     springs = rattling(monkeypatch, left, HUNTING)
     assert springs.named(OFF) is None
-    assert springs.named(OFF, asked=is_spring).cause == (0.9, 36.0)
+    assert springs.named(OFF, asked=is_spring).cause.held_out_gain_nats == 36.0
     assert springs.search.asked is is_spring
     assert rattling(monkeypatch, left).named(OFF, asked=is_spring) is None
 
