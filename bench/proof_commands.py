@@ -201,15 +201,17 @@ def _tell_score(score: dict[str, Any]) -> None:
 
     rows = {name: score[name] for name in (*GOALS, *ROBOT_GOALS) if name in score}
     rows |= {f"robots.{name}": row for name, row in score.get("robots", {}).get("rows", {}).items()}
+    bare = [name for name, row in rows.items() if row["value"] is None]
     for name, row in rows.items():
-        if row["value"] is None:
-            typer.echo(f"{name:28} no case speaks for it")
+        if name in bare:
             continue
         low, high = row["ci95"]
         typer.echo(
             f"{name:28} {row['value']:7.3f}  [{low:.3f}, {high:.3f}]  n {row['n']:4}  "
             f"good {row['good']:g}, great {row['great']:g}: {row['met']}"
         )
+    if bare:
+        typer.echo(f"no case speaks for {', '.join(bare)}")
 
 
 @contextmanager

@@ -85,16 +85,22 @@ def number(row: Mapping[str, Any]) -> str:
 
 
 def _rows(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    lines = ["<table><tr><th>row<th>value [95 %]<th>n<th>good<th>great<th>"]
-    for name, row in rows.items():
+    """A table of the rows that have cases, and the names of the others in a line."""
+    told = {name: row for name, row in rows.items() if row["value"] is not None}
+    lines = ["<table><tr><th>row<th>value [95 %]<th>n<th>good<th>great<th>"] if told else []
+    for name, row in told.items():
         lines.append(
             f"<tr><td>{escape(name)}<td>{number(row)}<td>{row['n']}<td>{row['good']:g}"
             f"<td>{row['great']:g}<td class='{row['met']}'>{row['met']}"
         )
         for inner, other in row.items():
-            if isinstance(other, Mapping) and "value" in other:
+            if isinstance(other, Mapping) and other.get("value") is not None:
                 lines.append(f"<tr><td>&emsp;{escape(inner)}<td>{number(other)}<td>{other['n']}")
-    return "\n".join([*lines, "</table>"])
+    if told:
+        lines.append("</table>")
+    if bare := [name for name in rows if name not in told]:
+        lines.append(f"<p>No case speaks for {escape(', '.join(bare))}.</p>")
+    return "\n".join(lines)
 
 
 def _baselines(found: Mapping[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import pytest
 from judged_cases import (
@@ -173,7 +174,10 @@ def test_joints_without_robots_have_empty_rows_and_a_word_why(written):
     assert "robots" not in score
     assert score["joint_group_f1"]["value"] is None
     assert "--robots" in score["left_out"]["joint_group_f1"]
-    assert "<td>joint_group_f1<td>no case<td>0" in page
+    assert "<td>joint_group_f1" not in page
+    (bare,) = re.findall("<p>No case speaks for (.*).</p>", page)
+    assert {"joint_group_f1", "full_set_pairs"} <= set(bare.split(", "))
+    assert "named_at_1_to_3_floor_left" not in bare
     assert score["named_at_1_to_3_floor_left"]["n"] == 1
     assert "<td>named_at_1_to_3_floor_left<td>1.000" in page
     assert "<td>5<td>1.2<td>" in page  # its size, and what tolerances leave of it
@@ -189,7 +193,10 @@ def test_robots_without_joints_leave_the_joints_rows_empty(written, cases):
     assert score["joint_group_f1"]["n"] == 4
     assert "joint_group_f1" not in score["left_out"]
     assert "<h2>Whole robots: 6 cases</h2>" in page
-    assert "<td>named_at_3_floor<td>no case<td>0" in page
+    ours, robots = page.split("<h2>Whole robots")
+    assert "<td>named_at_3_floor" not in ours
+    assert "<td>named_at_3_floor" in robots
+    assert "<p>No case speaks for named_at_3_floor, " in ours
     assert "figures/robots.png" in page
     assert "figures/power.png" not in page
     assert "joints F1 0.50; swing, true stance" in page
