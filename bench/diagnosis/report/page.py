@@ -109,15 +109,13 @@ def _ranking(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         dict(row)
         | {
             "bar": max(0.0, 100.0 * float(row["deflated_nats"]) / most),
-            "taken": row.get("named", _chosen(diagnosis, row.get("joint")) >= _of(row)),
+            "taken": row.get(
+                "named", {row["effect"], *row["with"]} <= _chosen(diagnosis, row.get("joint"))
+            ),
             "enough": float(row["deflated_nats"]) >= NEEDED,
         }
         for row in best.values()
     ]
-
-
-def _of(row: Mapping[str, Any]) -> set[str]:
-    return {row["effect"], *row["with"]}
 
 
 def _chosen(diagnosis: Diagnosis, joint: str | None) -> set[str]:

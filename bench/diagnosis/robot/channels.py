@@ -64,10 +64,11 @@ def ranking(
 ) -> tuple[Mapping[str, Any], ...]:
     """What was tried in each step, with what it gained, and whether ``whole`` has it.
 
-    ``beside`` is what something else than the gait has shown, with what that is.
+    ``beside`` is what something else than the gait has shown, with what that is: it is named, also
+    where what it was fitted beside is no longer.
     """
     rows = [_row(gain, whole) for step in found.tried for gain in step]
-    return (*rows, *(_row(gain, whole) | {"shown_by": by} for gain, by in beside))
+    return (*rows, *(_row(gain, whole) | {"named": True, "shown_by": by} for gain, by in beside))
 
 
 def _row(gain: RobotGain, whole: RobotFit) -> dict[str, Any]:
@@ -78,5 +79,5 @@ def _row(gain: RobotGain, whole: RobotFit) -> dict[str, Any]:
         "inflation": float(gain.inflation),
         "deflated_nats": float(gain.deflated),
         "held_out_nats": gain.held_out,
-        "named": {gain.name, *gain.fit.names} <= set(whole.names),
+        "named": set(gain.fit.names) <= set(whole.names),
     }

@@ -63,8 +63,10 @@ def test_a_report_tells_places_in_words_and_marks_what_is_named():
     assert "1 more gained less than 1 nat" in told
 
 
-def test_what_something_else_has_shown_is_among_what_was_fitted():
-    whole = fit("gain_error@all", "voltage_sag@all")
+@pytest.mark.parametrize("kept", [("gain_error@all",), ()])
+def test_what_something_else_has_shown_is_among_what_was_fitted(kept):
+    """It is named also where a name that it was fitted beside is taken back for it."""
+    whole = fit(*kept, "voltage_sag@all")
     sag = gain("voltage_sag@all", 90.0, "gain_error@all")
     *_, row = rows(whole, [(sag, RISE)])
     assert (row["named"], row["shown_by"]) == (True, RISE)
