@@ -21,6 +21,9 @@ JUDGES = {
     RobotKind.DUTY: "duties of joints that stand or move slowly",
 }
 
+#: why what a search had taken has no name in the end, where nothing else is said of it
+LEFT_OUT = "taken at first, and not needed in the end"
+
 
 def channels(
     held: RobotJudges, found: RobotFindings, after: RobotFit
@@ -60,24 +63,34 @@ def noise_of(blocks: Sequence[Block], noise: Noise) -> float:
 
 
 def ranking(
-    found: RobotFindings, whole: RobotFit, beside: Iterable[tuple[RobotGain, str]] = ()
+    found: RobotFindings,
+    whole: RobotFit,
+    beside: Iterable[tuple[RobotGain, str]] = (),
+    back: Mapping[str, str] | None = None,
 ) -> tuple[Mapping[str, Any], ...]:
     """What was tried in each step, with what it gained, and whether ``whole`` has it.
 
     ``beside`` is what something else than the gait has shown, with what that is: it is named, also
-    where what it was fitted beside is no longer.
+    where what it was fitted beside is no longer. ``back`` says why what a search had taken was
+    taken back, by name.
     """
-    rows = [_row(gain, whole) for step in found.tried for gain in step]
-    return (*rows, *(_row(gain, whole) | {"named": True, "shown_by": by} for gain, by in beside))
+    rows = [_row(gain, whole, back or {}) for step in found.tried for gain in step]
+    return (
+        *rows,
+        *(_row(gain, whole, {}) | {"named": True, "shown_by": by} for gain, by in beside),
+    )
 
 
-def _row(gain: RobotGain, whole: RobotFit) -> dict[str, Any]:
-    return {
+def _row(gain: RobotGain, whole: RobotFit, back: Mapping[str, str]) -> dict[str, Any]:
+    named = set(gain.fit.names) <= set(whole.names)
+    because = gain.because or back.get(gain.name, LEFT_OUT)
+    row = {
         "effect": gain.name,
         "with": [n for n in gain.fit.names if n != gain.name],
         "gain_nats": float(gain.nats),
         "inflation": float(gain.inflation),
         "deflated_nats": float(gain.deflated),
         "held_out_nats": gain.held_out,
-        "named": set(gain.fit.names) <= set(whole.names),
+        "named": named,
     }
+    return row if named else row | {"because": because}

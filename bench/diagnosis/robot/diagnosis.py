@@ -171,7 +171,7 @@ class Work:
             ),
             channels=channels(self.held, found, after),
             rejected=tuple(rejected),
-            ranking=ranking(found, whole, beside),
+            ranking=ranking(found, whole, beside, self._taken_back(rejected)),
             details=self._details(found, after, rest)
             | {"whole_rmse_rad": {"before": rmse_rad(believed), "after": rmse_rad(better)}}
             | {
@@ -184,6 +184,12 @@ class Work:
             },
         )
         return RobotDiagnosis(diagnosis, (*extra, *ordinary), tuple(believed), tuple(better))
+
+    def _taken_back(self, rejected: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+        """Why names were taken back, by what is placed."""
+        why = {(row["effect"], tuple(row["scope"])): str(row["because"]) for row in rejected}
+        every = {name: (p.effect.name, tuple(p.where)) for name, p in self.model.placed.items()}
+        return {name: why[own] for name, own in every.items() if own in why}
 
     def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
         """Where what is named moves the robot; without a name, where more is left than noise."""

@@ -22,7 +22,8 @@ class RobotGain:
     """What an effect at a place gains over a hypothesis without it.
 
     ``held_out`` [nats] is the same on groups of recordings left out; ``None`` where all are of one
-    group. ``apart`` [nats] is what fits of one hypothesis end apart by.
+    group. ``apart`` [nats] is what fits of one hypothesis end apart by. ``because``: why the search
+    has not taken it, if it has not.
     """
 
     name: str
@@ -31,6 +32,7 @@ class RobotGain:
     inflation: float
     held_out: float | None
     apart: float = APART_NATS
+    because: str = ""
 
     @property
     def deflated(self) -> float:

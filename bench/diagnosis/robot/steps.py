@@ -39,6 +39,8 @@ PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance 
 HINTED = 2.0
 BEST = 2  #: of them that are fitted to the end
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
+BEHIND = "others were ahead where it began, and it was not fitted to the end"
+BESIDE_NAMED = " beside what is named"
 
 
 class Steps(ExactFits):
@@ -83,8 +85,12 @@ class Steps(ExactFits):
             few = [self._over(gain, now, again, plain, left) for gain in few]
             now, plain = again, left
             chosen = self._best(few, now, self._whole_square(now))
+        few = [one if one is chosen else self._passed_over(one, now) for one in few]
         behind = [few[0].nats + tried[0].fit.cost - gain.fit.cost for gain in tried[BEST:]]
-        rest = [replace(g, nats=nats) for g, nats in zip(tried[BEST:], behind, strict=True)]
+        rest = [
+            replace(g, nats=nats, because=BEHIND)
+            for g, nats in zip(tried[BEST:], behind, strict=True)
+        ]
         self.around(now if chosen is None else chosen.fit)
         return chosen, now, tuple(sorted([*few, *rest], key=lambda gain: -gain.deflated))
 
@@ -235,11 +241,25 @@ class Steps(ExactFits):
         return placed.parameter.unit == "s" and abs(placed.knob.value(float(knob))) < LATE_S
 
     def _holds(self, gain: RobotGain, now: RobotFit) -> bool:
-        counts = gain.counting(now)
-        if self._within_ticks(gain) or counts < (BESIDE if now.names else NEEDED):
-            return False
+        return not self._denied(gain, now)
+
+    def _denied(self, gain: RobotGain, now: RobotFit) -> str:
+        """Why a gain is not enough for a name; nothing where it is."""
+        counts, needed = gain.counting(now), BESIDE if now.names else NEEDED
+        if self._within_ticks(gain):
+            return "no more than the ticks of a firmware may make"
+        if counts < needed:
+            return f"less than the {needed:.0f} nats that a name needs" + BESIDE_NAMED * bool(
+                now.names
+            )
         outside = gain.held_out
         shown = now.duty - gain.fit.duty >= BESIDE
         if shown or outside is None or outside / gain.inflation > HELD_OUT:
-            return True
-        return outside > -gain.apart and counts >= BESIDE
+            return ""
+        if outside > -gain.apart and counts >= BESIDE:
+            return ""
+        return "groups of recordings that were left out in turn are no better with it"
+
+    def _passed_over(self, gain: RobotGain, now: RobotFit) -> RobotGain:
+        """A gain that is not taken, with why."""
+        return replace(gain, because=self._denied(gain, now) or "another one did better")

@@ -9,7 +9,7 @@ from test_report_page import CAUSE, FOUND, ORIGIN, TRACES, cells, printed
 
 from bench.diagnosis.report import report_page
 from bench.diagnosis.report.telling import headline
-from bench.diagnosis.robot.channels import ranking
+from bench.diagnosis.robot.channels import LEFT_OUT, ranking
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import RobotFindings, RobotGain
 
@@ -61,6 +61,20 @@ def test_a_report_tells_places_in_words_and_marks_what_is_named():
     assert re.search(r"joint compliance of femur gain error 40\.0 2\.0 20\.0 (?!named)", told)
     assert "@" not in told
     assert "1 more gained less than 1 nat" in told
+
+
+def test_what_has_no_name_is_told_why():
+    why = "groups that were left out are no better with it"
+    steps = ((gain("gain_error@all", 60.0), replace(gain("foot_slip@all", 40.0), because=why)),)
+    found = RobotFindings(fit(), fit(), (), steps, {}, ())
+    some = ranking(found, fit("gain_error@all"))
+    assert [row.get("because") for row in some] == [None, why]
+    assert f"foot slip nothing 40.0 2.0 20.0 {why}" in table(replace(FOUND, ranking=some))
+    back = "recordings that were not used to fit are no better with it"
+    assert [row["because"] for row in ranking(found, fit())] == [LEFT_OUT, why]
+    some = ranking(found, fit(), (), {"gain_error@all": back, "foot_slip@all": back})
+    assert [row["because"] for row in some] == [back, why]
+    assert f"gain error nothing 60.0 2.0 30.0 {back}" in table(replace(FOUND, ranking=some))
 
 
 @pytest.mark.parametrize("kept", [("gain_error@all",), ()])

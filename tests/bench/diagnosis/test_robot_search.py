@@ -24,7 +24,15 @@ from bench.diagnosis.robot.screen import (
     worth_fitting,
 )
 from bench.diagnosis.robot.search import RobotSearch
-from bench.diagnosis.robot.steps import BESIDE, BEST, HELD_OUT, HINTED, PROMISED, WORSE
+from bench.diagnosis.robot.steps import (
+    BEHIND,
+    BESIDE,
+    BEST,
+    HELD_OUT,
+    HINTED,
+    PROMISED,
+    WORSE,
+)
 from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
 from sim.model import read_model
@@ -392,6 +400,29 @@ def test_what_was_found_far_away_is_not_looked_for_there_again():
     search = Exact({}, [8.0], 500.0)
     far = RobotFit(("a",), np.array([7.0]), {}, -30.0)
     assert search._from_far(far) is far
+
+
+def reasons(search, some, now=None):
+    return [gain.because for gain in chosen(search, some, now)[2]]
+
+
+def test_what_is_not_taken_is_told_why():
+    better = "another one did better"
+    assert reasons(Exact({}), gains(30.0, 20.0, 10.0)) == ["", better, BEHIND]
+    few = "less than the 7 nats that a name needs"
+    assert reasons(Exact({}), gains(0.9 * NEEDED)) == [few]
+    beside = f"less than the {BESIDE:.0f} nats that a name needs beside what is named"
+    search = Exact({})
+    search.begun = lambda names, knobs, noise=None, nuisances=None: RobotFit(
+        tuple(names), np.append([1.0], knobs[-1:]), noise, -0.9 * BESIDE
+    )
+    now = fit("effect9@all", 0.0)
+    more = [replace(g, fit=replace(g.fit, names=(*now.names, g.name))) for g in gains(30.0)]
+    assert reasons(search, more, now) == [beside]
+    search = Exact({})
+    search._left_out = lambda found: 100.0 if found.names else 50.0
+    (why,) = reasons(search, gains(30.0))
+    assert "left out in turn are no better" in why
 
 
 class Beginning(RobotSearch):
