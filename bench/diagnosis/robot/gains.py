@@ -14,7 +14,9 @@ from .screen import Screened
 #: cases, 10 to 26, docs/proof/robots/run-05.md
 APART_NATS = 20.0
 NEEDED = 7.0  #: gain [nats, deflated] of an effect to be taken
-HOPELESS = 150.0  #: loss [nats] with which a spring is not tried again beside what is taken
+#: loss [nats] with which a fit is not gone on with, and a spring is not tried again beside what is
+#: taken
+HOPELESS = 150.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

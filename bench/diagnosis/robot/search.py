@@ -20,7 +20,7 @@ from ..joint.rivals import CLOSE
 from ..watch import OutOfTimeError
 from .effects import Placed, leg_of
 from .fit import ENOUGH, RobotFit
-from .gains import NEEDED, RobotFindings, RobotGain
+from .gains import HOPELESS, NEEDED, RobotFindings, RobotGain
 from .screen import Screen, stretched, worth_fitting
 from .sought import Pair, Sought
 from .steps import BESIDE, WORSE, Steps
@@ -139,7 +139,7 @@ class RobotSearch(Steps):
             told = " and ".join(pair.names)
             self._say(f"trying {told}")
             with self.model.following():
-                begun = self.begun(names, knobs, now.noise)
+                begun = self.begun(names, knobs, now.noise, most=alone.cost)
                 if begun.cost > alone.cost - BESIDE:
                     continue
                 self._say(f"replaying what is ordinary beside {told}")
@@ -181,7 +181,9 @@ class RobotSearch(Steps):
             at, knobs = now.names.index(gain.name), now.knobs.copy()
             knobs[at] = other.fit.knobs[-1]
             names = (*now.names[:at], other.name, *now.names[at + 1 :])
-            fit = self.thoroughly(names, knobs, now.noise)
+            fit = self.thoroughly(names, knobs, now.noise, most=now.cost + HOPELESS)
+            if fit.cost > now.cost + HOPELESS:
+                continue
             before, after = self._left_out(now), self._left_out(fit)
             outside = gain.held_out
             if outside is not None and before is not None and after is not None:

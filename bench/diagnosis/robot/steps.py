@@ -13,6 +13,7 @@ best of them has led, as what begins elsewhere may end deeper by itself.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
@@ -22,7 +23,7 @@ from ..joint.nuisances import LATE_S
 from .exact import ExactFits
 from .features import MEANS, RobotKind
 from .fit import ENOUGH, RobotFit
-from .gains import NEEDED, RobotGain, levelled
+from .gains import HOPELESS, NEEDED, RobotGain, levelled
 from .improved import knob_of, of_settings
 from .judging import judge, rmse_rad
 from .model import Progress, RobotModel
@@ -38,6 +39,9 @@ PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance 
 #: the matter in it: a limit of one leg's speed promised 6.9 and gained 497. Assumed
 HINTED = 2.0
 BEST = 2  #: of them that are fitted to the end
+#: nats behind the best try of a step within which others are gone on with: rivals are nearer than
+#: 20 and four times an inflation of up to 5, and the best two are fitted to the end. Assumed
+RIVALS = 60.0
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 BEHIND = "others were ahead where it began, and it was not fitted to the end"
 BESIDE_NAMED = " beside what is named"
@@ -66,7 +70,8 @@ class Steps(ExactFits):
         tried = self._tried(now, promised, named)
         self.around(now)  # what is left out is asked where it is known what all does
         plain, begun = self._left_out(now), self._whole_square(now)
-        few = [self._with(gain, now, self._further(gain), plain) for gain in tried[:BEST]]
+        ahead = [g for g in tried[:BEST] if g.fit.cost <= tried[0].fit.cost + HOPELESS]
+        few = [self._with(gain, now, self._further(gain), plain) for gain in ahead]
         chosen = self._best(few, now, begun)
         if chosen is not None:
             self._say(f"replaying much of {chosen.name}")
@@ -78,7 +83,8 @@ class Steps(ExactFits):
             asked.add(chosen.name)
             self._say(f"asking what is ordinary to do without {chosen.name}")
             nuisances = chosen.fit.nuisances
-            again = self.thoroughly(now.names, now.knobs, now.noise, nuisances)
+            most = now.cost + HOPELESS
+            again = self.thoroughly(now.names, now.knobs, now.noise, nuisances, most)
             if again.cost > now.cost - ENOUGH:
                 break
             left = self._left_out(again)
@@ -86,10 +92,10 @@ class Steps(ExactFits):
             now, plain = again, left
             chosen = self._best(few, now, self._whole_square(now))
         few = [one if one is chosen else self._passed_over(one, now) for one in few]
-        behind = [few[0].nats + tried[0].fit.cost - gain.fit.cost for gain in tried[BEST:]]
+        behind = [few[0].nats + tried[0].fit.cost - gain.fit.cost for gain in tried[len(few) :]]
         rest = [
             replace(g, nats=nats, because=BEHIND)
-            for g, nats in zip(tried[BEST:], behind, strict=True)
+            for g, nats in zip(tried[len(few) :], behind, strict=True)
         ]
         self.around(now if chosen is None else chosen.fit)
         return chosen, now, tuple(sorted([*few, *rest], key=lambda gain: -gain.deflated))
@@ -100,20 +106,22 @@ class Steps(ExactFits):
         """What promises most, and what stands for a tolerance at its end (``named``); best first.
 
         Fits begin as believed but for what is taken, and with what nuisances do there: promises are
-        wrong by more than what they are of. What is promised twice is begun twice.
+        wrong by more than what they are of. What is promised twice is begun twice. What falls far
+        behind another one is not gone on with.
         """
         beyond = self._beyond(now)
         most = self._most(promised)
-        tried = []
+        tried: list[RobotGain] = []
         for gain in promised:
             if gain.name in named or gain in most:
                 self._say(f"trying {gain.name}")
                 knobs = np.append(now.knobs, beyond.get(gain.name, gain.fit.knobs[-1]))
                 with self.model.following():
-                    fit = self.begun(gain.fit.names, knobs, now.noise)
+                    best = min((one.fit.cost for one in tried), default=math.inf)
+                    fit = self.begun(gain.fit.names, knobs, now.noise, most=best + RIVALS)
                 tried.append(replace(gain, fit=fit))
-        best = {gain.name: gain for gain in sorted(tried, key=lambda gain: -gain.fit.cost)}
-        return sorted(best.values(), key=lambda gain: gain.fit.cost)
+        better = {gain.name: gain for gain in sorted(tried, key=lambda gain: -gain.fit.cost)}
+        return sorted(better.values(), key=lambda gain: gain.fit.cost)
 
     @staticmethod
     def _most(promised: Sequence[RobotGain]) -> list[RobotGain]:
@@ -180,8 +188,10 @@ class Steps(ExactFits):
             if found.z[-1] > 0.5 * z:
                 continue
             with self.model.following():
-                there = self.begun(found.names, np.append(found.knobs[:-1], z), found.noise)
-            best = min(best, self.replayed(there), key=lambda fit: fit.cost)
+                knobs, most = np.append(found.knobs[:-1], z), best.cost + HOPELESS
+                there = self.begun(found.names, knobs, found.noise, most=most)
+            if there.cost <= most:
+                best = min(best, self.replayed(there), key=lambda fit: fit.cost)
         return best
 
     def _whole_square(self, found: RobotFit) -> float:

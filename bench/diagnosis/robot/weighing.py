@@ -28,9 +28,9 @@ Shown = Mapping[str, Rows]  #: what each trial does to a motion, for one unit of
 #: what is believed. Foretells robots within tolerances better than the whole size (two robots)
 LEVEL = 0.5
 FEW = 8  #: replays that say whether what is known still holds
-#: mean square of what is not foretold of those, over that of how they differ, up to which it does,
-#: and where a fit only begins. What was weighed of the robot itself leaves 0.12 of other replays
-HOLDS, BEGINS = 0.18, 0.4
+#: mean square of what is not foretold of those, over that of how they differ, up to which it does.
+#: What was weighed of the robot itself leaves 0.12 of other replays
+HOLDS = 0.18
 
 
 def levels(trials: Sequence[Trial]) -> Floats:

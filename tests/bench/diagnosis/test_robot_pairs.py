@@ -41,7 +41,8 @@ class Pairing(RobotSearch):
         self._say = lambda stage: None
         self.last = None
 
-    def begun(self, names, knobs, noise=None, nuisances=None):
+    def begun(self, names, knobs, noise=None, nuisances=None, most=np.inf):
+        self.most = most
         gained = self.gained if self.at_once is None else self.at_once
         return RobotFit(names, np.asarray(knobs), noise, -gained)
 
@@ -82,6 +83,7 @@ def test_two_that_show_only_together_are_taken_together():
     assert (spring.nats, tips.nats) == (390.0, 380.0)
     assert spring.held_out == tips.held_out == 99.0
     assert spring.inflation == 2.0
+    assert search.most == -70.0  # what will not even do as well as the best alone is left there
 
 
 def test_a_pair_begins_beside_what_is_taken():

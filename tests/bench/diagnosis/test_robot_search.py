@@ -10,9 +10,9 @@ import pytest
 
 from bench.diagnosis.joint.nuisances import SHARE
 from bench.diagnosis.robot.effects import placed_effects
-from bench.diagnosis.robot.exact import BEGINS, REFINED, SHARES, WORTH, ExactFits
+from bench.diagnosis.robot.exact import REFINED, SHARES, WORTH, ExactFits
 from bench.diagnosis.robot.fit import RobotFit
-from bench.diagnosis.robot.gains import APART_NATS, NEEDED, RobotGain
+from bench.diagnosis.robot.gains import APART_NATS, HOPELESS, NEEDED, RobotGain
 from bench.diagnosis.robot.nuisances import COMMON, SAME, RobotNuisance, nuisances
 from bench.diagnosis.robot.screen import (
     A_KIND,
@@ -31,6 +31,7 @@ from bench.diagnosis.robot.steps import (
     HELD_OUT,
     HINTED,
     PROMISED,
+    RIVALS,
     WORSE,
 )
 from bench.diagnosis.watch import OutOfTimeError
@@ -131,7 +132,7 @@ class Exact(RobotSearch):
     def refined(self, settled):
         return replace(settled, cost=settled.cost - self.more.get(settled.names, 0.0))
 
-    def begun(self, names, knobs, noise=None, nuisances=None):
+    def begun(self, names, knobs, noise=None, nuisances=None, most=np.inf):
         gained = self.ordinary
         if nuisances is None:
             large = max(knobs, default=0.0) >= 8.0
@@ -225,9 +226,48 @@ def test_what_stands_for_a_tolerance_begins_beyond_its_end():
     search, some = Exact({}), gains(30.0, 20.0)
     search.far = {some[1].name: 5.0}
     tried = []
-    search.begun = lambda names, knobs, *_: tried.append((names[-1], *knobs)) or some[0].fit
+    search.begun = lambda names, knobs, *_, most: tried.append((names[-1], *knobs)) or some[0].fit
     search._tried(fit("", 0.0), some, {some[1].name})
     assert tried == [(some[0].name, 0.0), (some[1].name, 5.0)]
+
+
+def test_what_falls_far_behind_the_best_that_was_tried_is_not_gone_on_with():
+    search, some = Exact({}), gains(30.0, 20.0, 50.0)
+    search.promised = {gain.fit.names: gain.nats for gain in some}
+    plain, asked = search.begun, []
+    search.begun = lambda *told, most: asked.append(most) or plain(*told)
+    search._tried(fit("", 0.0), some, set())
+    assert asked == [np.inf, -30.0 + RIVALS, -30.0 + RIVALS]
+
+
+@pytest.mark.parametrize(("behind", "fitted"), [(0.9, 2), (1.1, 1)])
+def test_the_next_best_is_fitted_to_the_end_if_it_is_not_far_behind(behind, fitted):
+    search, asked = Exact({}), []
+    plain = search.refined
+    search.refined = lambda found: asked.append(found.names) or plain(found)
+    some = gains(300.0, 300.0 - behind * HOPELESS)
+    *_, tried = chosen(search, some)
+    assert len([names for names in asked if names]) == fitted
+    assert tried[1].nats == pytest.approx(some[1].nats)
+    assert (tried[1].because == BEHIND) is (fitted == 1)
+
+
+@pytest.mark.parametrize(("behind", "asked"), [(0.9, True), (1.1, False)])
+def test_what_is_far_behind_in_place_of_another_is_not_asked_of_groups_left_out(behind, asked):
+    steps = [tuple(gains(30.0, 20.0)), (gains(20.0, 5.0, 50.0)[2],)]
+    both = RobotFit(("effect0@all", "effect2@all"), np.zeros(2), {}, -50.0)
+    search, limits, groups = Exact({}), [], []
+
+    def thoroughly(names, knobs, noise, *, most):
+        limits.append(most)
+        return replace(both, names=tuple(names), cost=-50.0 + behind * HOPELESS)
+
+    search.thoroughly = thoroughly
+    search._left_out = lambda found: groups.append(found.names)
+    now, *_ = search._exchanged(both, [step[0] for step in steps], steps)
+    assert now is both
+    assert limits == [-50.0 + HOPELESS]
+    assert (("effect1@all", "effect2@all") in groups) is asked
 
 
 @pytest.mark.parametrize(("gained", "first"), [(60.0, "effect1@all"), (40.0, "effect0@all")])
@@ -413,7 +453,7 @@ def test_what_is_not_taken_is_told_why():
     assert reasons(Exact({}), gains(0.9 * NEEDED)) == [few]
     beside = f"less than the {BESIDE:.0f} nats that a name needs beside what is named"
     search = Exact({})
-    search.begun = lambda names, knobs, noise=None, nuisances=None: RobotFit(
+    search.begun = lambda names, knobs, noise, *, most: RobotFit(
         tuple(names), np.append([1.0], knobs[-1:]), noise, -0.9 * BESIDE
     )
     now = fit("effect9@all", 0.0)
@@ -426,9 +466,9 @@ def test_what_is_not_taken_is_told_why():
 
 
 class Beginning(RobotSearch):
-    """A search that tells where its fits begin."""
+    """A search that tells where its fits begin, and at what cost they settle."""
 
-    def __init__(self):
+    def __init__(self, settled=0.0):
         self.model = SimpleNamespace(
             nuisances=[None, None],
             retrace=lambda settings, z, holds: self.done.append(
@@ -439,14 +479,19 @@ class Beginning(RobotSearch):
         )
         wide = np.full(3, 2.0)
         self.sight = SimpleNamespace(box=lambda names: (-wide, wide))
-        self.which, self.done = [0], []
+        self.which, self.done, self.settled = [0], [], settled
 
     def fitted(self, names, start, noise):
         self.done.append(("fit", start.tolist()))
         return RobotFit(names, start, noise, 0.0)
 
-    def settle(self, found, begun=None):
-        return found
+    def settle(self, found, begun=None, most=np.inf):
+        self.done.append(("settle", most))
+        return replace(found, cost=self.settled)
+
+    def refined(self, settled):
+        self.done.append("refine")
+        return settled
 
     def replayed(self, found):
         return found
@@ -460,8 +505,17 @@ def test_a_hypothesis_begins_as_believed_or_where_it_is_told(nuisances, there):
     found = search.begun(("a@all",), np.array([1.5]), None, nuisances)
     at = (("a@all", 1.5),)
     assert found.settings == at
-    traced = ("traces", at, there, BEGINS)
-    assert search.done == [traced, ("replay", at, there), ("fit", [*there, 1.5])]
+    traced = ("traces", at, there, np.inf)
+    begun = [("replay", at, there), ("fit", [*there, 1.5])]
+    assert search.done == [traced, *begun, ("settle", np.inf)]
+
+
+@pytest.mark.parametrize(("settled", "done"), [(6.0, True), (8.0, False)])
+def test_what_begins_to_cost_too_much_is_not_refined(settled, done):
+    search = Beginning(settled=settled)
+    found = search.thoroughly(("a@all",), np.array([1.5]), most=7.0)
+    assert ("refine" in search.done) is done
+    assert found.cost == settled
 
 
 class Leading(ExactFits):
@@ -490,6 +544,27 @@ class Leading(ExactFits):
     def fitted(self, names, start, noise):
         assert self.at == start.tolist()  # residuals are those of the best
         return RobotFit(names, np.array([6.0]), noise, 0.0)
+
+
+@pytest.mark.parametrize(("most", "left"), [(-61.0, True), (-59.0, False)])
+def test_a_fit_that_cannot_come_to_so_little_is_left_where_that_shows(most, left):
+    """It stands at 40 and curves lead to -10; with as much again they would lead to -60.
+
+    Half of what they lead to is told.
+    """
+    search = Leading(4.0)
+    search.cost = lambda z: 40.0
+    search.fitted = lambda names, start, noise: RobotFit(names, np.array([6.0]), noise, -10.0)
+    found = search.settle(RobotFit(("a",), np.array([0.0]), {}, 0.0), most=most)
+    assert (found.cost, found.z[0]) == ((15.0, 6.0) if left else (40.0, 0.0))
+    assert (len(search.asked) == 1) is left
+
+
+def test_a_fit_that_has_settled_is_told_as_it_is_wherever_it_would_go_on():
+    search, costs, led = Leading(4.0), iter((40.0, 30.0, 20.0)), iter((0.0, 0.0, 19.0))
+    search.replayed = search._on_the_way = lambda *fits: replace(fits[-1], cost=next(costs))
+    search.fitted = lambda names, start, noise: RobotFit(names, start, noise, next(led))
+    assert search.settle(RobotFit(("a",), np.array([0.0]), {}, 0.0), most=12.0).cost == 20.0
 
 
 @pytest.mark.parametrize(("least", "share"), [(6.2, 1.0), (3.5, 0.6), (1.7, 0.3), (0.6, 0.1)])
