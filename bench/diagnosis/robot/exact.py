@@ -17,7 +17,6 @@ from ..noise import Noise
 from .features import MEANS, RobotKind
 from .fit import ENOUGH, RobotFit, Sight
 from .model import RobotModel
-from .weighing import HOLDS
 
 Floats = NDArray[np.float64]
 
@@ -77,13 +76,14 @@ class ExactFits:
     ) -> RobotFit:
         """An exact fit that begins with all as believed (or ``nuisances``) but for its effects.
 
-        What nuisances do is taken from where that is known best, and left so. One that will cost
-        more than ``most`` in the end is left where that shows, its cost a guess.
+        What nuisances do is left as it is known from elsewhere. One that will cost more than
+        ``most`` in the end is left where that shows, its cost a guess.
         """
         ordinary = np.zeros(len(self.model.nuisances)) if nuisances is None else nuisances
         z = np.clip(np.concatenate([ordinary, knobs]), *self.sight.box(names))
         at = RobotFit(tuple(names), z, noise or {}, np.inf)
-        self.around(at, math.inf)
+        self.model.bend(at.settings, at.nuisances)
+        self.model.recentre(at.settings, at.nuisances, self.which)
         return self.settle(self.fitted(at.names, at.z, noise), most=most)
 
     def settle(
@@ -156,12 +156,9 @@ class ExactFits:
             self.sight.firm = 1.0
         return self.replayed(firm)
 
-    def around(self, found: RobotFit, holds: float = HOLDS) -> None:
-        """Let the model be exact at a fit, and know what nuisances do there.
-
-        What is known from elsewhere will do up to ``holds``: :class:`~.weighing.Weighing`.
-        """
-        self.model.retrace(found.settings, found.nuisances, holds)
+    def around(self, found: RobotFit) -> None:
+        """Let the model be exact at a fit, and know what nuisances do there."""
+        self.model.retrace(found.settings, found.nuisances)
         self.model.recentre(found.settings, found.nuisances, self.which)
 
     def replayed(self, found: RobotFit) -> RobotFit:

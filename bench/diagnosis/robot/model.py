@@ -32,7 +32,7 @@ from .regulated import DUTY_FLOOR
 from .replay import Course
 from .shaking import ENGINES_SHAKING
 from .spread import of_starts, of_tolerances
-from .weighing import HOLDS, Settings, Shown, Weighing
+from .weighing import Settings, Shown, Weighing
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -116,9 +116,8 @@ class RobotModel:
             n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without
         )
         self.placed: dict[str, Placed] = placed_effects(base)
-        self.motion = first_of(
-            self.features, Features.like
-        )  #: for each recording, the first like it
+        #: for each recording, the first like it
+        self.motion = first_of(self.features, Features.like)
         self._repeated = first_of(self.features, Features.repeats)
         self._following = False
         #: for each recording, the motion whose traces and curves are taken for its own
@@ -131,14 +130,13 @@ class RobotModel:
         self.centre: list[Rows] = [rows_of(outcome) for outcome in self._exact]
         self._plain = {m: self._run([Job(m, short=True)])[0] for m in sorted(set(self.motion))}
         self.curves = Curves(self.placed, self._plain, self._run)
-        nothing: Settings = ()
-        zero = np.zeros(len(self.nuisances))
-        self._centred_on: list[tuple[Settings, Floats]] = [(nothing, zero)] * len(self.features)
+        nothing: tuple[Settings, Floats] = ((), np.zeros(len(self.nuisances)))
+        self._centred_on = [nothing] * len(self.features)
         say("replaying from slightly other starts")
         self.spread = of_starts(self._plain, self._run)
         say("replaying with what is never exactly as believed")
         self._weighing = Weighing(some, self.features, self._run)
-        self.traces = self._traces(nothing, ())
+        self.traces = self._traces((), ())
         self._chance = of_tolerances(self, judging, self._run)  #: of each recording
         for m, chance in zip(self.motion, self._chance, strict=True):
             if self.features[m].phase is None:
@@ -177,25 +175,26 @@ class RobotModel:
         apart = own - self._chance[r].lasting
         return spread | {RobotKind.JOINTS: apart, RobotKind.DUTY: features.regulated.extra}
 
-    def retrace(
-        self, settings: Sequence[tuple[str, float]], z: Floats, holds: float = HOLDS
-    ) -> None:
+    def retrace(self, settings: Sequence[tuple[str, float]], z: Floats) -> None:
         """Take what nuisances and knobs do from replays around them where a fit has led.
 
-        The same small things move a robot otherwise that is changed much (``holds``: how much).
-        Play is left out: when teeth rattle is chance, and beside small things one would see that.
+        The same small things move a robot otherwise that is changed much. Play is left out: when
+        teeth rattle is chance, and beside small things one would see that.
         """
-        quiet, there = self.told([(name, x) for name, x in settings if not is_play(name)], z)
-        self.traces = self._traces(quiet, there, holds)
-        self.curves.bend(quiet, there, sorted(set(self.like)))
+        self.bend(settings, z)
+        quiet = [(name, x) for name, x in settings if not is_play(name)]
+        self.traces = self._traces(*self.told(quiet, z))
 
-    def _traces(
-        self, settings: Settings, at: tuple[float, ...], holds: float = HOLDS
-    ) -> list[Rows]:
+    def bend(self, settings: Sequence[tuple[str, float]], z: Floats) -> None:
+        """Take what knobs do from replays around them, and nuisances as they are known."""
+        quiet = [(name, x) for name, x in settings if not is_play(name)]
+        self.curves.bend(*self.told(quiet, z), sorted(set(self.like)))
+
+    def _traces(self, settings: Settings, at: tuple[float, ...]) -> list[Rows]:
         """By recording and kind: rows x nuisances, each for one deviation of its prior."""
         traces = {}
         for m in sorted(set(self.like)):
-            known = self._weighing.known(m, settings, at, holds)
+            known = self._weighing.known(m, settings, at)
             columns = [self._trace(m, nuisance, known) for nuisance in self.nuisances]
             traces[m] = {kind: np.stack([c[kind] for c in columns], axis=1) for kind in columns[0]}
         return [self._read(self._of(r, traces[m]), r) for r, m in enumerate(self.like)]

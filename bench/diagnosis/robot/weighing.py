@@ -107,9 +107,7 @@ class Weighing:
         self._levels = levels(trials)
         self._weighed: list[tuple[int, list[Rows]]] = []  #: by motion, in order
 
-    def known(
-        self, m: int, settings: Settings, nuisances: tuple[float, ...], holds: float = HOLDS
-    ) -> Shown:
+    def known(self, m: int, settings: Settings, nuisances: tuple[float, ...]) -> Shown:
         """What trials do to a motion of a robot: as was weighed elsewhere if that holds, or anew.
 
         A few replays say whether it holds, and which of it best. Where a robot is changed little,
@@ -119,7 +117,7 @@ class Weighing:
         if elsewhere := self._elsewhere(m):
             few = self._replayed(m, settings, nuisances, self._levels[:FEW])
             off = [unforetold(self._levels[:FEW], few, known) for known in elsewhere]
-            if min(off) < holds:
+            if min(off) < HOLDS:
                 found = elsewhere[int(np.argmin(off))]
         if found is None:
             replays = self._replayed(m, settings, nuisances, self._levels)

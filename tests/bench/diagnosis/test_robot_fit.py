@@ -184,7 +184,7 @@ class Firmly(ExactFits):
     def __init__(self, fails=False):
         self.sight, self.fails, self.held = SimpleNamespace(firm=1.0), fails, []
 
-    def around(self, found, holds=None):
+    def around(self, found):
         self.held.append(("around", self.sight.firm))
 
     def fitted(self, names, start, noise):

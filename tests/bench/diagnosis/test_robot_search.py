@@ -471,9 +471,7 @@ class Beginning(RobotSearch):
     def __init__(self, settled=0.0):
         self.model = SimpleNamespace(
             nuisances=[None, None],
-            retrace=lambda settings, z, holds: self.done.append(
-                ("traces", settings, z.tolist(), holds)
-            ),
+            bend=lambda settings, z: self.done.append(("bend", settings, z.tolist())),
             recentre=lambda settings, z, which: self.done.append(("replay", settings, z.tolist())),
             following=nullcontext,
         )
@@ -505,9 +503,8 @@ def test_a_hypothesis_begins_as_believed_or_where_it_is_told(nuisances, there):
     found = search.begun(("a@all",), np.array([1.5]), None, nuisances)
     at = (("a@all", 1.5),)
     assert found.settings == at
-    traced = ("traces", at, there, np.inf)
-    begun = [("replay", at, there), ("fit", [*there, 1.5])]
-    assert search.done == [traced, *begun, ("settle", np.inf)]
+    begun = [("bend", at, there), ("replay", at, there), ("fit", [*there, 1.5])]
+    assert search.done == [*begun, ("settle", np.inf)]
 
 
 @pytest.mark.parametrize(("settled", "done"), [(6.0, True), (8.0, False)])
