@@ -315,3 +315,6 @@ def test_where_what_nuisances_do_is_asked_so_is_what_knobs_do_but_for_play(model
     model.retrace((heavy, loose), z)
     model.retrace((heavy,), 0.0 * z)
     assert asked == [((heavy,), able, [0]), ((heavy,), (), [0])]
+    monkeypatch.setattr(model, "_traces", None)  # where a fit begins they stay as they are
+    model.bend((heavy, loose), z)
+    assert asked[2:] == asked[:1]
