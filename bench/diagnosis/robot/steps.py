@@ -43,7 +43,7 @@ BEST = 2  #: of them that are fitted to the end
 #: 20 and four times an inflation of up to 5, and the best two are fitted to the end. Assumed
 RIVALS = 60.0
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
-BEHIND = "others were ahead where it began, and it was not fitted to the end"
+BEHIND = "not fitted to the end: others were ahead"
 BESIDE_NAMED = " beside what is named"
 
 
