@@ -38,6 +38,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Progress = Callable[[str], None]
 RobotBlocks = dict[tuple[int, RobotKind], Block]
+Told = tuple[Settings, tuple[float, ...]]  #: effects and nuisances, as a job has them
 
 RATTLES = 3  #: replays with other starts of a robot whose teeth have play, of which means count
 RATTLING = frozenset({"backlash"})  #: effects that make a leg in the air rattle
@@ -181,14 +182,16 @@ class RobotModel:
         The same small things move a robot otherwise that is changed much. Play is left out: when
         teeth rattle is chance, and beside small things one would see that.
         """
-        self.bend(settings, z)
-        quiet = [(name, x) for name, x in settings if not is_play(name)]
-        self.traces = self._traces(*self.told(quiet, z))
+        self.traces = self._traces(*self.bend(settings, z))
 
-    def bend(self, settings: Sequence[tuple[str, float]], z: Floats) -> None:
-        """Take what knobs do from replays around them, and nuisances as they are known."""
-        quiet = [(name, x) for name, x in settings if not is_play(name)]
-        self.curves.bend(*self.told(quiet, z), sorted(set(self.like)))
+    def bend(self, settings: Sequence[tuple[str, float]], z: Floats) -> Told:
+        """Take what knobs do from replays around them, and nuisances as they are known.
+
+        Returns what these replays were told: settings without play, and nuisances.
+        """
+        told = self.told([(name, x) for name, x in settings if not is_play(name)], z)
+        self.curves.bend(*told, sorted(set(self.like)))
+        return told
 
     def _traces(self, settings: Settings, at: tuple[float, ...]) -> list[Rows]:
         """By recording and kind: rows x nuisances, each for one deviation of its prior."""
@@ -318,9 +321,7 @@ class RobotModel:
             told = [self.told(settings, z) for settings, z in robots]
             self._run([Job(r, effects, nuisances=z) for effects, z in told for r in leaders])
 
-    def told(
-        self, settings: Sequence[tuple[str, float]], z: Floats
-    ) -> tuple[Settings, tuple[float, ...]]:
+    def told(self, settings: Sequence[tuple[str, float]], z: Floats) -> Told:
         """Effects and nuisances of a replay, as a job has them."""
         at = replayable(self.nuisances, z)
         return tuple(settings), tuple(at.tolist()) if at.any() else ()

@@ -44,7 +44,6 @@ BEST = 2  #: of them that are fitted to the end
 RIVALS = 60.0
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 BEHIND = "not fitted to the end: others were ahead"
-BESIDE_NAMED = " beside what is named"
 
 
 class Steps(ExactFits):
@@ -259,9 +258,8 @@ class Steps(ExactFits):
         if self._within_ticks(gain):
             return "no more than the ticks of a firmware may make"
         if counts < needed:
-            return f"less than the {needed:.0f} nats that a name needs" + BESIDE_NAMED * bool(
-                now.names
-            )
+            beside = " beside what is named" if now.names else ""
+            return f"less than the {needed:.0f} nats that a name needs{beside}"
         outside = gain.held_out
         shown = now.duty - gain.fit.duty >= BESIDE
         if shown or outside is None or outside / gain.inflation > HELD_OUT:
