@@ -36,7 +36,6 @@ class Monitor:
         self.tally = tally
         self.servo_id = servo_id
         self.lines: deque[Line] = deque(maxlen=KEPT)
-        self._origin_s: float | None = None
 
     def add(self, packets: Iterable[Packet]) -> None:
         """Show more packets."""

@@ -46,6 +46,9 @@ FIRST = {"roll_rad": 0.1, "yaw_rad": 0.3, "resistance_ohm": 2.0}
 #: ``z`` of further first tries of what does nothing up to a level, and soon too much: limits of
 #: 0.5, 0.4 and 0.3 of a motor's duty, which walking robots ask for; assumed
 LEVELS = {"duty": (1.25, 1.5, 1.75)}
+#: a trunk that is heavier and a weight on it differ by nothing but where in the trunk the mass is:
+#: whoever has no name for the second has none for the first
+ONE_WITH = {f"link_mass@{TRUNK}": "payload"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,10 @@ class Placed:
     def knob(self) -> Knob:
         """The number as a knob; its effect bears the full name."""
         return Knob(self.name, self.parameter, self.where)
+
+    def left_out(self, without: Collection[str]) -> bool:
+        """Whether it goes with effects that are left out of the catalogue."""
+        return self.effect.name in without or ONE_WITH.get(self.name) in without
 
     @property
     def first_z(self) -> float:

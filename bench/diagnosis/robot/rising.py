@@ -125,7 +125,7 @@ class Rising:
             for name, one in every
             if one.place in (EVERYWHERE, TRUNK)
             and name not in after.names
-            and one.effect.name not in without
+            and not one.left_out(without)
         ]
         sized = stand.sized(names)
         if not sized:

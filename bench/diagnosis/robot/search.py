@@ -50,7 +50,7 @@ class RobotSearch(Steps):
         self.around(base)
         first = self.screen(base)
         looked = self._worth_looking(first, stretched(model.nuisances, base.nuisances))
-        wanted = [name for name in looked if model.placed[name].effect.name not in without]
+        wanted = [name for name in looked if not model.placed[name].left_out(without)]
         self._say(f"replaying {len(wanted)} effects")
         ranking = first.rank(wanted)
         screened = tuple(ranking)
@@ -98,7 +98,7 @@ class RobotSearch(Steps):
         """
         model = self.model
         far = stretched(model.nuisances, base.nuisances)
-        names = {name for name in far if model.placed[name].effect.name not in without}
+        names = {name for name in far if not model.placed[name].left_out(without)}
         if not names:
             return self.nothing(base)
         self.around(base)

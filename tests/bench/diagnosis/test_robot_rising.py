@@ -106,12 +106,12 @@ def search_on(**more):
 AFTER = RobotFit((), np.zeros(1), {}, 10.0)
 
 
-def asked(monkeypatch, sized, *, nats=100.0, outside=50.0):
+def asked(monkeypatch, sized, *, nats=100.0, outside=50.0, without=()):
     """What is named where windows say ``sized``, and exact replays so much."""
     plain = Sized("", 0.0, np.zeros(1))
     stand = SimpleNamespace(
         plain=plain,
-        sized=lambda _: sized,
+        sized=lambda names: [one for one in sized if one.name in names],
         fit=lambda one: RobotFit((one.name,), one.z, {}, 10.0),
     )
     monkeypatch.setattr(robot_rising, "_Stand", lambda *_: stand)
@@ -121,7 +121,7 @@ def asked(monkeypatch, sized, *, nats=100.0, outside=50.0):
     monkeypatch.setattr(
         rising, "_cost", lambda fit, which: costs.get((fit.names[0], which[0]), there[which[0]])
     )
-    return rising, rising.named(AFTER)
+    return rising, rising.named(AFTER, without)
 
 
 def of(name, nats, knob=1.0):
@@ -157,6 +157,7 @@ def test_what_explains_most_of_it_is_named_with_its_size_and_the_gait_is_fitted_
         ([of(SAG, BESIDE - 0.1)], {}),
         ([of(SAG, 60.0)], {"nats": BESIDE - 0.1}),
         ([of(SAG, 60.0)], {"outside": HELD_OUT - 0.1}),
+        ([of(SAG, 60.0)], {"without": ("voltage_sag",)}),
         ([of(SLIP, 60.0, 0.3)], {}),  # no less friction than that of another floor
     ],
 )

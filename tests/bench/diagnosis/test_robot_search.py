@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.joint.nuisances import SHARE
+from bench.diagnosis.robot import search as robot_search
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.exact import REFINED, SHARES, WORTH, ExactFits
 from bench.diagnosis.robot.fit import RobotFit
@@ -771,6 +772,29 @@ def test_what_is_sought_is_tried_at_every_step_as_the_steps_before_have_it():
     search._chosen = seeing
     search.run(most=2, base=fit_of(()))
     assert seen == [([f"sought {k}"], {f"sought {k}", f"asked {k}"}) for k in (0, 1)]
+
+
+@pytest.mark.parametrize(
+    ("without", "gone"),
+    [
+        ((), set()),
+        (("payload",), {"payload@all", "link_mass@trunk"}),  # a heavier trunk is a weight on it
+        (("gain_error",), {"gain_error@all", "gain_error@tibia"}),
+    ],
+)
+def test_what_is_left_out_of_the_catalogue_has_no_other_name(monkeypatch, without, gone):
+    every = placed_effects(read_model(load_robot("marvin")))
+    asked = ("payload@all", "link_mass@trunk", "link_mass@tibia", "gain_error@all")
+    names = [*asked, "gain_error@tibia"]
+    search, ranked = Stepping(), []
+    search.model.placed = {name: every[name] for name in names}
+    search._worth_looking = lambda first, named: names
+    search.screen = lambda now: SimpleNamespace(rank=lambda some: ranked.append(list(some)) or [])
+    search.run(most=1, base=fit_of(()), without=without)
+    monkeypatch.setattr(robot_search, "stretched", lambda *_: set(names))
+    search.beyond(fit_of(()), without)
+    left = [name for name in names if name not in gone]
+    assert ranked == [left, sorted(left)]
 
 
 def test_what_is_one_at_two_places_is_told_as_one():
