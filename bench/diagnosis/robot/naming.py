@@ -180,14 +180,14 @@ class Naming:
         that is as believed. Where the first name is taken back there is a second search without it,
         if there is time, and if it shall search ``again``.
         """
-        done = self.held.consistent
-        found = self.search.run(without=without, base=base, done=done)
+        done, far = self.held.consistent, self.held.far
+        found = self.search.run(without=without, base=base, done=done, far=far)
         taken, after, rejected = self.held.kept(found, self.tell)
         if not again or not found.taken or found.taken[0] in taken:
             return Named(found, taken, after, rejected)
         without |= {self.search.model.placed[found.taken[0].name].effect.name}
         try:
-            found = self.search.run(without=without, base=base, done=done)
+            found = self.search.run(without=without, base=base, done=done, far=far)
         except OutOfTimeError:
             return Named(found, taken, after, rejected)
         taken, after, more = self.held.kept(found, self.tell)

@@ -4,7 +4,8 @@ The likelihood, the fits and what a gain must be divided by are those of one joi
 taken when it gains enough on what it is fitted to and, where there are several groups of
 recordings, on those left out. The search goes on from there; in the end effects are dropped again
 without which the rest does as well. Where two show only together, no step finds the first of them:
-such pairs are tried as one.
+such pairs are tried as one. So are the first that was taken and what gained most in its place,
+where nothing is found beside it and far more than noise is left.
 """
 
 from __future__ import annotations
@@ -30,6 +31,21 @@ MOST = 3  #: effects that are taken
 AT_END = 0.99  #: share of what a tolerance may be, from which it is at its end
 
 
+def with_next(first: RobotGain, tried: Sequence[RobotGain]) -> tuple[Pair, ...]:
+    """A gain, and what gained most in its place if that is enough, each as it was alone.
+
+    Beside a robot that can hardly stand with one of them, traces lead astray from the other: it is
+    found neither beside it nor where a fit of both begins.
+    """
+    effect = first.name.partition("@")[0]
+    others = [gain for gain in tried if gain.name.partition("@")[0] != effect]
+    best = max(others, key=lambda gain: gain.deflated, default=None)
+    if best is None or best.deflated < BESIDE:
+        return ()
+    knobs = float(first.fit.knobs[-1]), float(best.fit.knobs[-1])
+    return (Pair((first.name, best.name), knobs, anyhow=True),)
+
+
 class RobotSearch(Steps):
     """A search on some recordings of a model, with some kinds of channels."""
 
@@ -39,11 +55,13 @@ class RobotSearch(Steps):
         without: Collection[str] = (),
         base: RobotFit | None = None,
         done: Callable[[RobotFit], bool] = lambda _: False,
+        far: Callable[[RobotFit], bool] = lambda _: False,
     ) -> RobotFindings:
         """Search among placed effects, of legs only where legs stand out.
 
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
-        believes if that was fitted. Of a fit that is ``done`` nothing more is asked.
+        believes if that was fitted. Of a fit that is ``done`` nothing more is asked, and pairs of
+        one that is ``far`` from what was recorded.
         """
         model = self.model
         base = base or self.believed()
@@ -71,11 +89,15 @@ class RobotSearch(Steps):
                 bare = now
                 if chosen is not None:
                     now, taken = chosen.fit, [*taken, chosen]
+                pair: list[RobotGain] = []
                 if len(tried) == 1:
                     pair = self._together(sought.pairs, bare, fitted, chosen)
-                    if pair:
-                        now, taken = pair[-1].fit, pair
-                        tried, alone = [(pair[0],), (pair[1],)], [fitted]
+                elif len(taken) == 1 and far(now):
+                    one = replace(taken[0], fit=now)
+                    pair = self._together(with_next(one, tried[0]), base, tried[0], one)
+                if pair:
+                    now, taken, alone = pair[-1].fit, pair, tried
+                    tried = [(pair[0],), (pair[1],)]
                 if now is bare or len(taken) >= most or done(now):
                     break
                 ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
@@ -139,9 +161,12 @@ class RobotSearch(Steps):
             told = " and ".join(pair.names)
             self._say(f"trying {told}")
             with self.model.following():
-                begun = self.begun(names, knobs, now.noise, most=alone.cost)
-                if begun.cost > alone.cost - BESIDE:
-                    continue
+                if pair.anyhow:
+                    begun = self.begun(names, knobs, now.noise, alone.nuisances)
+                else:
+                    begun = self.begun(names, knobs, now.noise, most=alone.cost)
+                    if begun.cost > alone.cost - BESIDE:
+                        continue
                 self._say(f"replaying what is ordinary beside {told}")
                 refined = self.refined(begun)
             fit = self.replayed(refined)

@@ -110,6 +110,10 @@ class RobotJudges:
         """
         return len(self.at_ends(base)) <= ENDS and self.quiet(base)
 
+    def far(self, found: RobotFit) -> bool:
+        """Whether a fit is far from leaving no more than noise."""
+        return self.over_noise(found, self.which) > FAR * FITTED
+
     def firm(self, base: RobotFit, say: Progress) -> RobotFit:
         """What the operator believes, with tolerances held more firmly, where that is consistent.
 
@@ -117,7 +121,7 @@ class RobotJudges:
         however much less than noise another one leaves with more of them at their ends. Where there
         is none, or where ``base`` is consistent or far from it: ``base`` itself.
         """
-        if self.consistent(base) or self.over_noise(base, self.which) > FAR * FITTED:
+        if self.consistent(base) or self.far(base):
             return base
         say("fitting what the operator believes, tolerances held firmly")
         firm = self.search.firmly(base)

@@ -31,6 +31,7 @@ class Pair:
 
     names: tuple[str, str]
     knobs: tuple[float, float]
+    anyhow: bool = False  #: fitted to the end however much worse than one of them it begins
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -48,7 +48,9 @@ def naming(*, tell=lambda _: None, rattling=None, rising=None, **held):
     )
     return Naming(
         search,
-        SimpleNamespace(**{"consistent": lambda _: False, "stands": False} | held),
+        SimpleNamespace(
+            **{"consistent": lambda _: False, "far": lambda _: 0, "stands": False} | held
+        ),
         SimpleNamespace(**(rattling or {})),
         SimpleNamespace(named=rising or (lambda *_: None)),
         tell,
@@ -242,8 +244,8 @@ def test_what_was_found_is_told_whatever_the_time(cut, again):
     """Only another search is left out: the first one's name was taken back."""
     told, searches = [], []
 
-    def run(without, base, done):
-        assert done is made.held.consistent
+    def run(without, base, done, far):
+        assert (done, far) == (made.held.consistent, made.held.far)
         if cut and searches:
             late()
         searches.append(without)
@@ -324,6 +326,6 @@ def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands, consistent):
     )
     made.search.nothing = lambda base: NOTHING
     made.search.beyond = lambda base, without: found(without)
-    made.search.run = lambda without, base, done: found(without)
+    made.search.run = lambda without, base, done, far: found(without)
     made.named(AS_BELIEVED, frozenset({"punch"}), True)
     assert asked == [{"punch", *(["zero_offset"] if stands else [])}]

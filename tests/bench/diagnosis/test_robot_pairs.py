@@ -9,7 +9,7 @@ import pytest
 
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotGain
-from bench.diagnosis.robot.search import RobotSearch
+from bench.diagnosis.robot.search import RobotSearch, with_next
 from bench.diagnosis.robot.sought import Pair
 from bench.diagnosis.robot.steps import BESIDE, WORSE
 
@@ -42,7 +42,7 @@ class Pairing(RobotSearch):
         self.last = None
 
     def begun(self, names, knobs, noise=None, nuisances=None, most=np.inf):
-        self.most = most
+        self.most, self.nuisances = most, nuisances
         gained = self.gained if self.at_once is None else self.at_once
         return RobotFit(names, np.asarray(knobs), noise, -gained)
 
@@ -126,3 +126,42 @@ def test_nothing_is_replayed_where_no_pair_is_sought():
     search = Pairing(400.0)
     assert search._together([], fit_of(()), [], None) == []
     assert search.last is None
+
+
+# --- the first that was taken, and what gained most in its place
+
+
+def at(name, nats, knob):
+    return RobotGain(name, RobotFit((name,), np.array([5.0, knob]), {}, -nats), nats, 2.0, None)
+
+
+FIRST = at("torque_limit@femur", 900.0, 1.5)
+
+
+def test_what_gained_most_in_place_of_the_first_is_tried_with_it_each_as_it_was_alone():
+    enough = 2.0 * BESIDE  # divided by an inflation of 2
+    tried = [at("payload@all", enough, 2.0), FIRST, at("link_mass@tibia", enough + 1.0, 9.0)]
+    names = (FIRST.name, "link_mass@tibia")
+    assert with_next(FIRST, tried) == (Pair(names, (1.5, 9.0), anyhow=True),)
+
+
+@pytest.mark.parametrize(
+    "others",
+    [[], [at("payload@all", 1.9 * BESIDE, 2.0)], [at("torque_limit@all", 800.0, 1.0)]],
+)
+def test_what_gained_little_or_is_the_same_effect_is_not_tried_with_the_first(others):
+    assert with_next(FIRST, [FIRST, *others]) == ()
+
+
+def test_a_pair_that_begins_far_behind_is_fitted_to_the_end_where_that_is_asked():
+    search, now = Pairing(400.0, at_once=-900.0), fit_of(())
+    first = single(SPRING, 70.0)
+    first = replace(first, fit=replace(first.fit, z=np.array([3.0, 0.0])))
+    assert search._together([PAIR], now, [first], first) == []
+    found = search._together([replace(PAIR, anyhow=True)], now, [first], first)
+    assert [gain.name for gain in found] == list(PAIR.names)
+    assert [gain.nats for gain in found] == [400.0, 330.0]  # over the other one alone
+    assert (search.most, search.nuisances.tolist()) == (np.inf, [3.0])
+    worse = Pairing(60.0, at_once=-900.0)
+    assert worse._together([replace(PAIR, anyhow=True)], now, [first], first) == []
+    assert worse.last is first.fit

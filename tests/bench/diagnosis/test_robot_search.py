@@ -25,6 +25,7 @@ from bench.diagnosis.robot.screen import (
     worth_fitting,
 )
 from bench.diagnosis.robot.search import RobotSearch
+from bench.diagnosis.robot.sought import Pair
 from bench.diagnosis.robot.steps import (
     BEHIND,
     BESIDE,
@@ -836,3 +837,42 @@ def test_a_pair_is_tried_at_the_first_step_and_counts_as_two(most):
     ]
     assert found.tried[0][0] is found.taken[0]
     assert asked == [(("a pair",), "effect0@all")]
+
+
+@pytest.mark.parametrize(("far", "alone", "pairs"), [(True, 1, 1), (False, 1, 0), (True, 2, 0)])
+def test_far_from_what_was_recorded_the_next_is_tried_with_a_first_that_stays_alone(
+    far, alone, pairs
+):
+    """Only where the second step finds nothing; a third looks beside both."""
+    search, asked, fars = Stepping(), [], []
+    chosen = search._chosen
+    second = RobotGain("effect5@all", fit_of(("effect5@all",)), 50.0, 1.0, None)
+
+    def once(now, promised, named):
+        if len(now.names) < alone or len(now.names) > 1:
+            gain, now, _ = chosen(now, promised, named)
+            return gain, now, (gain, second)
+        return None, replace(now, cost=-7.0), (replace(second, name="effect6@all"),)
+
+    def together(pairs, now, tried, first):
+        if not pairs:
+            return []
+        asked.append((pairs, now.names, tried, first.fit.cost))
+        fit = fit_of(("effect0@all", "effect5@all"))
+        return [RobotGain(name, fit, 99.0, 1.0, None) for name in fit.names]
+
+    search._chosen, search._together = once, together
+    found = search.run(most=3, base=fit_of(()), far=lambda fit: fars.append(fit.names) or far)
+    if alone > 1:
+        assert [gain.name for gain in found.taken] == [f"effect{k}@all" for k in range(3)]
+        assert not fars
+    elif pairs:
+        (told,) = asked
+        pair = Pair(("effect0@all", "effect5@all"), (0.0, 0.0), anyhow=True)
+        assert told == ((pair,), (), found.tried[3], -7.0)  # beside the fit that step came to
+        names = [gain.name for gain in found.taken]
+        assert names == ["effect0@all", "effect5@all", "effect2@all"]
+        assert [len(step) for step in found.tried] == [1, 1, 2, 2, 1]
+    else:
+        assert [gain.name for gain in found.taken] == ["effect0@all"]
+    assert fars == ([("effect0@all",)] if alone == 1 else [])

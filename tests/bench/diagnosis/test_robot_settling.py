@@ -236,6 +236,12 @@ def test_a_robot_is_not_as_believed_where_tolerances_stand_at_their_ends(toleran
     assert judges(left).consistent(taken_as(*tolerances)) is expected
 
 
+@pytest.mark.parametrize(("times", "expected"), [(0.9, False), (1.1, True)])
+def test_a_fit_is_far_from_what_it_was_fitted_to(times, expected):
+    left = {0: rms(times * FAR * FITTED), 1: rms(times * FAR * FITTED), 2: rms(9.0 * JUDGED)}
+    assert judges(left).far(BASE) is expected
+
+
 @pytest.mark.parametrize(
     ("tolerances", "expected"),
     [
