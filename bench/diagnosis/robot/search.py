@@ -93,6 +93,7 @@ class RobotSearch(Steps):
                 if len(tried) == 1:
                     pair = self._together(sought.pairs, bare, fitted, chosen)
                 elif len(taken) == 1 and far(now):
+                    most = 2  # what such a robot does beside two is chance
                     one = replace(taken[0], fit=now)
                     pair = self._together(with_next(one, tried[0]), base, tried[0], one)
                 if pair:

@@ -74,6 +74,7 @@ def test_shuffled_rows_are_refused(tmp_path):
     refused(done, str(path), "row", "t_s")
 
 
+@pytest.mark.slow
 def test_glitches_and_lost_replies_are_told_and_nothing_else_is_named(tmp_path):
     random = np.random.default_rng(1)
     spoilt = []

@@ -82,6 +82,7 @@ def test_a_dead_zone_beyond_the_punch_is_a_finding():
     assert low < 0.02 < high
 
 
+@pytest.mark.slow
 def test_the_better_model_leaves_out_what_the_servo_does():
     made = {a.effect.name: a.values for a in additions([diagnosed(NONE)], date(2026, 1, 2))}
     assert made["punch_left_out"]["share"] == pytest.approx(1.0, abs=0.15)

@@ -106,6 +106,7 @@ def with_volts(scale, registers=(POSITION, DUTY, VOLTS)):
     return observe(logs(truth, ("slow", "steps"), registers=registers), robot(), JOINT)
 
 
+@pytest.mark.slow
 def test_a_voltage_that_nothing_explains_is_not_consistent():
     """The replays are under it, so that the motion is as it should be."""
     effects = {"dead_zone": effect("dead_zone")}

@@ -68,6 +68,7 @@ def test_a_torque_constant_of_the_file_is_no_stall_torque(tmp_path, monkeypatch)
     assert STALL not in nuisances()
 
 
+@pytest.mark.slow
 def test_a_weak_motor_whose_stall_torque_was_told_before_friction_is_no_finding():
     lost = drive().lost_at_stall
     truth = {"stall_torque": {"scale": 1.0 - lost}, "torque_constant": {"scale": WEAK}}

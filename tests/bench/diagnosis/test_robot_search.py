@@ -843,7 +843,7 @@ def test_a_pair_is_tried_at_the_first_step_and_counts_as_two(most):
 def test_far_from_what_was_recorded_the_next_is_tried_with_a_first_that_stays_alone(
     far, alone, pairs
 ):
-    """Only where the second step finds nothing; a third looks beside both."""
+    """Only where the second step finds nothing; then no third is looked for."""
     search, asked, fars = Stepping(), [], []
     chosen = search._chosen
     second = RobotGain("effect5@all", fit_of(("effect5@all",)), 50.0, 1.0, None)
@@ -869,10 +869,10 @@ def test_far_from_what_was_recorded_the_next_is_tried_with_a_first_that_stays_al
     elif pairs:
         (told,) = asked
         pair = Pair(("effect0@all", "effect5@all"), (0.0, 0.0), anyhow=True)
-        assert told == ((pair,), (), found.tried[3], -7.0)  # beside the fit that step came to
+        assert told == ((pair,), (), found.tried[2], -7.0)  # beside the fit that step came to
         names = [gain.name for gain in found.taken]
-        assert names == ["effect0@all", "effect5@all", "effect2@all"]
-        assert [len(step) for step in found.tried] == [1, 1, 2, 2, 1]
+        assert names == ["effect0@all", "effect5@all"]  # and no third
+        assert [len(step) for step in found.tried] == [1, 1, 2, 1]
     else:
         assert [gain.name for gain in found.taken] == ["effect0@all"]
     assert fars == ([("effect0@all",)] if alone == 1 else [])

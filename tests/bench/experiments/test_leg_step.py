@@ -19,7 +19,7 @@ from busemu.tables import load_robot
 from busemu.timing import load_profile
 
 
-@pytest.fixture(scope="module", params=["marvin", "phantomx"])
+@pytest.fixture(scope="module", params=["marvin", pytest.param("phantomx", marks=pytest.mark.slow)])
 def stepped(request, tmp_path_factory):
     return ran("leg-step", request.param, tmp_path_factory.mktemp("step"), Choice(repeats=2))
 

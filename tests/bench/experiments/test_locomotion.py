@@ -21,7 +21,7 @@ from hal.legs import Legs
 SECONDS = 6.0
 
 
-@pytest.fixture(scope="module", params=["marvin", "phantomx"])
+@pytest.fixture(scope="module", params=["marvin", pytest.param("phantomx", marks=pytest.mark.slow)])
 def walked(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("walk")
     return ran("locomotion", request.param, folder, Choice(repeats=2, seconds=SECONDS))

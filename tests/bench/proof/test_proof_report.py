@@ -127,6 +127,7 @@ def test_everything_is_written_beside_the_score(ambiguous):
     assert json.loads((proof.folder / "keys" / "case-0001.json").read_text())["kind"] == "single"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("at_the_time", "frozen"), [("this one", True), ("another", False)])
 def test_a_diagnoser_that_changed_during_the_run_is_told(
     ambiguous, monkeypatch, at_the_time, frozen

@@ -187,6 +187,7 @@ def diagnosed(tmp_path, monkeypatch):
     return told, asked
 
 
+@pytest.mark.slow
 def test_a_run_that_is_undecided_is_asked_with_more_and_then_walks_with_its_tips_off(
     tmp_path, diagnosed
 ):
