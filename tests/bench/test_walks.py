@@ -94,6 +94,7 @@ def test_joints_follow_their_goals_within_a_few_degrees(walked):
     assert min(report.tracking_rms_rad.values()) > 0.0  # a servo without lag would be a fake
 
 
+@pytest.mark.slow
 def test_unequal_strides_turn_the_robot_towards_the_shorter_side():
     _, session, _ = walk("marvin", 5.0, v_left=1.4, v_right=0.4)
     right_turn = seen(session, "mocap/base_yaw_rad")[-1]

@@ -118,12 +118,14 @@ def test_what_tolerances_imitate_is_not_left(weight_aside: Case, left_of_weight:
     assert left_of_weight.ratio < min(1.0, 0.2 * whole(weight_aside))
 
 
+@pytest.mark.slow
 def test_play_is_left_for_no_tolerance_has_it() -> None:
     case = case_of("backlash", ratio=5.0)
     left = left_of(case, 0).ratio
     assert 0.6 * whole(case) < left <= whole(case)
 
 
+@pytest.mark.slow
 def test_without_tolerances_the_whole_effect_is_left(
     weight_aside: Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,6 +177,7 @@ def test_each_of_a_pair_is_held_beside_the_other(index: int) -> None:
     assert (left.ratio > 1.0) == (index == 0)  # play is left, a weight aside is not
 
 
+@pytest.mark.slow
 def test_measuring_what_is_left_changes_no_recording() -> None:
     asked = Asked("single", ("com_offset",), 3.0, "plain", disguise=False, **GROUND)
     made, told = JointDraft(5, asked), JointDraft(5, asked)

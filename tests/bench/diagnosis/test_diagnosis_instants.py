@@ -40,6 +40,7 @@ def test_a_lattice_is_found_where_reads_are_in_step_with_it(period_s):
     assert abs(said - true) < off_s + 0.001 < 0.012
 
 
+@pytest.mark.slow
 def test_a_long_recording_is_gone_through_in_little_memory():
     told = spans(0.1297, 600.0)
     tracemalloc.start()

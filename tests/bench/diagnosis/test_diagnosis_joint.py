@@ -61,6 +61,7 @@ def test_a_register_that_is_always_new_and_read_well_is_no_cause():
     assert diagnosed(seen("slow", "fast"), seen("swell")) == {}
 
 
+@pytest.mark.slow
 def test_a_glitch_is_seen_in_recordings_that_only_judge_as_well():
     drafts = logs(motions=("swell",))
     (judge,) = observe([glitched(drafts[0])], robot(), JOINT)
@@ -88,7 +89,8 @@ def test_a_register_with_a_short_period_of_its_own_is_a_cause():
     assert low <= period_s <= high
 
 
-@pytest.mark.parametrize("repeats", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("repeats", [1, 2])
 def test_a_motion_that_alone_reaches_a_limit_is_fitted_after_all_if_it_was_repeated(repeats):
     """One repeat is fitted and the other judges; a motion that was not repeated stays held out."""
     motions = ("slow", "slow", *["steps"] * repeats)

@@ -48,6 +48,7 @@ def the_one(model):
     return k
 
 
+@pytest.mark.slow
 def test_friction_that_gives_way_is_no_finding(found):
     assert found.diagnosis.verdict == "consistent"
     k = the_one(found.model)
@@ -55,11 +56,13 @@ def test_friction_that_gives_way_is_no_finding(found):
     assert size == pytest.approx(SIZE_RAD, rel=0.35)
 
 
+@pytest.mark.slow
 def test_the_better_model_has_it(found):
     made = {a.effect.name: a.values for a in additions([found], date(2026, 1, 2))}
     assert made["presliding"]["breakaway_rad"] == pytest.approx(SIZE_RAD, rel=0.35)
 
 
+@pytest.mark.slow
 def test_recordings_are_followed_worse_without_it(found):
     model = found.model
     stiff = fit(model, Hypothesis(), np.zeros(len(model.nuisances)), held=[the_one(model)])

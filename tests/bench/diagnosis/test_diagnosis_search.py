@@ -217,6 +217,7 @@ def test_what_is_the_named_effect_in_other_words_is_no_rival(
         assert [rival.effect for rival in close] == names
 
 
+@pytest.mark.slow
 def test_two_names_for_one_thing_are_rivals_of_like_probability():
     """Delay of commands and skew of samples, seen by positions alone."""
     both = {name: effect(name) for name in ("transport_delay", "dead_zone")}
@@ -451,6 +452,7 @@ def test_a_gain_holds_on_groups_left_out_if_it_is_large_there_or_plain(
     assert not _holds(gain)
 
 
+@pytest.mark.slow
 def test_of_a_set_the_effect_that_gains_nothing_is_left_out_and_the_others_stay():
     model = model_of(logs(TRUTHS_TOGETHER))
     both = Hypothesis(

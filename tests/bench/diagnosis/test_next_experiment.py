@@ -128,11 +128,13 @@ def test_an_experiment_is_proposed_for_every_rival_and_tells_its_power(wide):
     assert next_experiments(wide.model, wide.dead_zone, {}, 1.0) == []
 
 
+@pytest.mark.slow
 def test_what_is_the_same_is_told_apart_by_nothing(wide):
     (one,) = next_experiments(wide.model, wide.dead_zone, {"dead_zone": wide.dead_zone}, 1.0)
     assert one.power < 0.65
 
 
+@pytest.mark.slow
 def test_less_certain_data_has_less_power(wide, monkeypatch):
     monkeypatch.setattr(proposing, "menu", lambda model: menu(model)[:4])
     rivals = {"transport_delay": wide.transport_delay}

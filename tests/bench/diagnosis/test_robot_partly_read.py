@@ -288,6 +288,7 @@ def test_where_nothing_is_left_to_fit_it_is_refused_and_where_nothing_judges_it_
     assert asked == [((good,), ())]
 
 
+@pytest.mark.slow
 def test_rounding_of_a_joint_that_stands_is_in_its_means():
     moving = Features.of(course(standing(lambda t: 0.1 * t), marvin()), marvin())
     assert moving.phase is None
