@@ -20,9 +20,9 @@ CASES ?= 100
 demo: $(READY)
 	$(BIN)/busemu demo --robot $(ROBOT)
 
-# each worker has a core: threads of a library's own would only wait for one another
+# each worker has a core: threads of a library's own would only wait for one another; files in order, the long ones first
 test: $(READY)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadfile --max-worker-restart 0 -m 'not slow and not pty'
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -n auto --dist loadfile --no-loadscope-reorder --max-worker-restart 0 -m 'not slow and not pty'
 	$(BIN)/python -m pytest -q -m 'not slow and pty' $$(grep -rl --include='*.py' 'mark\.pty' tests)
 
 slow: $(READY)
