@@ -225,8 +225,7 @@ def _named(what: str, known: Mapping[str, T], name: str) -> T:
 def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Case | None:
     rig = _named("rig", RIGS, asked.rig or _any(random, list(RIGS)))
     style = _named("style", STYLES, asked.style or _any(random, list(STYLES), [0.6, 0.2, 0.2]))
-    programmes = {p.name: p for p in rig.programmes()}
-    programme = _named("programme", programmes, asked.programme or _any(random, list(programmes)))
+    programme = rig.programme(asked.programme or _any(random, [p.name for p in rig.programmes()]))
     if asked.concealment:
         concealment = Concealment(asked.concealment)
     elif kind is Kind.NULL:

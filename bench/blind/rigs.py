@@ -16,6 +16,9 @@ from .specimen import SIMPLEST, Body, Build, Gear, Specimen
 BREAKAWAY_RAD = 0.3e-3
 
 
+BRIEF = "brief"  #: a programme that no case draws, for proofs that are quick
+
+
 @dataclass(frozen=True, slots=True)
 class Style:
     """How a program samples: what it reads in a loop, and how long the loop takes."""
@@ -97,8 +100,18 @@ class Rig:
         ).sensing_but(hold_s=sheet.load_refresh_s)
 
     def programmes(self) -> tuple[Programme, ...]:
-        """The programmes that are recorded on this rig."""
+        """The programmes that are recorded on this rig, of which a case draws one."""
         return _programmes(self)
+
+    def programme(self, name: str) -> Programme:
+        """A programme by its name: one of those that are drawn, or the brief one.
+
+        Raises ``ValueError`` with those there are.
+        """
+        known = {p.name: p for p in (*self.programmes(), _brief(self))}
+        if name not in known:
+            raise ValueError(f"no programme named {name!r}: use one of {', '.join(known)}")
+        return known[name]
 
 
 def rod(mass_kg: float, length_m: float, thick_m: float = 0.01) -> Body:
@@ -247,4 +260,25 @@ def _programmes(rig: Rig) -> tuple[Programme, ...]:
             ),
             (test.group,),
         ),
+    )
+
+
+def _brief(rig: Rig) -> Programme:
+    """Three motions of three seconds: enough for an effect that nobody could miss."""
+    soft, stiff = (gain_registers(rig.sheet, raw) for raw in rig.gains)
+    light, heavy = rig.payloads_kg
+    amplitude_rad, duration_s = 0.8 * rig.reach_rad, 3.0
+    waves = [
+        motion("sin_sin", amplitude_rad=amplitude_rad, base_hz=hz, duration_s=duration_s)
+        for hz in (0.35, 0.45)
+    ]
+    steps = motion("steps", amplitude_rad=amplitude_rad, duration_s=duration_s)
+    return Programme(
+        BRIEF,
+        (
+            Run("sin-sin-brief", ExperimentPlan(waves[0], stiff, light)),
+            Run("steps-brief", ExperimentPlan(steps, soft, heavy)),
+            Run("sin-sin-held-out", ExperimentPlan(waves[1], stiff, heavy)),
+        ),
+        ("sin-sin-held-out",),
     )

@@ -79,8 +79,7 @@ class Ground:
 def ground(key: Key) -> Ground:
     """The ground of a key."""
     rig = RIGS[key.rig]
-    programme = next(p for p in rig.programmes() if p.name == key.programme)
-    return Ground(rig, programme, STYLES[key.style], key.build)
+    return Ground(rig, rig.programme(key.programme), STYLES[key.style], key.build)
 
 
 def observe(style: Style, run: Run, specimen: Specimen, channel: str = POSITION) -> Floats:

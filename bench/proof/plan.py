@@ -17,6 +17,7 @@ import numpy as np
 
 from bench.blind import Asked, Concealment, Kind
 from bench.blind.effects import EFFECTS
+from bench.blind.rigs import BRIEF
 from bench.blind.scenes import SCENES
 from bench.blind.sizing import RATIOS
 from bench.blind.unlisted import STRANGERS
@@ -187,7 +188,7 @@ def _concealment(kind: Kind, name: str, ratio: float, way: int) -> Concealment:
 
 
 def _quick(seed: int) -> Iterator[tuple[int, Asked]]:
-    """Cases that are diagnosed in seconds: large effects, slow motions, few registers."""
+    """Cases that are diagnosed in seconds: large effects, brief motions, few registers."""
     plain = Concealment.PLAIN.value
     for kind, effects, ratio in (
         (Kind.NULL, (), None),
@@ -200,7 +201,7 @@ def _quick(seed: int) -> Iterator[tuple[int, Asked]]:
             plain,
             "xl330-pendulum",
             "slow",
-            "slow",
+            BRIEF,
             disguise=False,
         )
         yield case_seed(seed, f"quick {kind.value}"), asked

@@ -8,14 +8,11 @@ from pathlib import Path
 
 import pytest
 
-COMMANDS = [
-    ["--version"],
-    ["--help"],
-    ["tables"],
-    ["tables", "XM430-W350"],
-    ["decode", "FF FF 01 02 01 FB"],
-    ["tables", "--help"],
-]
+COMMANDS = [["--help"], ["tables"], ["decode", "FF FF 01 02 01 FB"]]
+OTHERS = [["--version"], ["tables", "XM430-W350"], ["tables", "--help"]]
+every_command = pytest.mark.parametrize(
+    "words", [*COMMANDS, *(pytest.param(w, marks=pytest.mark.slow) for w in OTHERS)], ids=" ".join
+)
 
 
 @pytest.fixture(params=["", "1"], ids=["buffered", "unbuffered"], autouse=True)
@@ -25,7 +22,7 @@ def _buffering(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+@every_command
 def test_a_disk_that_is_full_is_one_clear_line(words: list[str]) -> None:
     command = [sys.executable, "-m", "busemu", *words]
     with open("/dev/full", "w") as full:
@@ -36,7 +33,7 @@ def test_a_disk_that_is_full_is_one_clear_line(words: list[str]) -> None:
     assert ended.stderr == "busemu: what it writes is not taken: No space left on device\n"
 
 
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+@every_command
 def test_a_reader_that_has_gone_is_no_news(words: list[str]) -> None:
     """As behind ``| head``."""
     command = [sys.executable, "-m", "busemu", *words]

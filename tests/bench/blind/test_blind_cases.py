@@ -34,7 +34,7 @@ from bench.blind.conceal import disguise
 from bench.blind.effects import EFFECTS, POSITION
 from bench.blind.imitation import Left
 from bench.blind.mimic import ALIKE, nearest_rival
-from bench.blind.rigs import RIGS
+from bench.blind.rigs import BRIEF, RIGS
 from bench.blind.sizing import Key, noise_floor, observe, rms, size_for
 from bench.blind.specimen import Build
 from bench.blind.unlisted import STRANGERS
@@ -225,6 +225,17 @@ def test_servos_are_built_in_all_ways_and_a_gear_is_sprung_where_it_is_too_sprin
     named = ["joint_compliance"]
     chance = np.random.default_rng(0)
     assert all(bench.blind.case._build(named, chance).sprung for _ in range(10))
+
+
+def test_a_brief_programme_is_had_for_the_asking_and_drawn_by_no_case() -> None:
+    for rig in RIGS.values():
+        assert BRIEF not in {programme.name for programme in rig.programmes()}
+        brief = rig.programme(BRIEF)
+        shortest = min(sum(r.plan.motion.duration_s for r in p.runs) for p in rig.programmes())
+        assert sum(run.plan.motion.duration_s for run in brief.runs) < shortest
+        assert {run.group for run in brief.runs} > set(brief.held_out)
+        assert {run.plan.payload_kg for run in brief.runs} == set(rig.payloads_kg)
+        assert [rig.programme(p.name) for p in rig.programmes()] == list(rig.programmes())
 
 
 def test_robot_file_has_the_gears_spring_however_it_is_built(

@@ -1,6 +1,7 @@
 """How the trunk leans, by a sensor of which nobody says which way it sits."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,20 +21,25 @@ from bench.recording import Recording
 TIPS = "foot_compliance@all"
 SOFT = 3.0  #: a knob
 LEVEL_RAD = 0.02  #: how far from level the sensor sits
-TIMES_S = np.arange(0.0, walked().end_s - 0.01, 0.02)
+
+
+@cache
+def times_s():
+    """Instants of the sensor's samples; a walk is recorded when a test needs them, no earlier."""
+    return np.arange(0.0, walked().end_s - 0.01, 0.02)
 
 
 def leaning(robot, turn, seed=2, noise_rad=0.0):
     """The walk of a robot, with what a sensor that sits turned about says of its trunk."""
-    told = replace(walked(), lean=(TIMES_S, np.zeros((len(TIMES_S), 2))))
+    told = replace(walked(), lean=(times_s(), np.zeros((len(times_s()), 2))))
     track = play(robot, told, Jitter(seed))
-    own = np.stack([np.interp(TIMES_S, track.look_t_s, a) for a in track.lean_rad.T], axis=1)
+    own = np.stack([np.interp(times_s(), track.look_t_s, a) for a in track.lean_rad.T], axis=1)
     shown = np.empty_like(own)
     for k, (axis, sign) in enumerate(turn):
         shown[:, axis] = sign * own[:, k]
     random = np.random.default_rng(seed)
     shown += LEVEL_RAD + noise_rad * random.standard_normal(shown.shape)
-    return replace(walked_by(robot, seed), lean=(TIMES_S, shown), name=f"lean-{seed}")
+    return replace(walked_by(robot, seed), lean=(times_s(), shown), name=f"lean-{seed}")
 
 
 def with_tips():
@@ -138,7 +144,7 @@ def test_a_lean_speaks_for_tips_that_give(model):
 def test_rows_of_both_angles_are_those_of_a_shorter_recording():
     long, short = (
         Features.of(replace(walked(), lean=(t, np.zeros((len(t), 2)))), marvin())
-        for t in (TIMES_S, TIMES_S)
+        for t in (times_s(), times_s())
     )
     bins = len(long.lean_rad) // 2
     less = replace(short, lean_rad=short.lean_rad[: 2 * (bins - 3)])
