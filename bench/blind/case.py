@@ -225,7 +225,8 @@ def _named(what: str, known: Mapping[str, T], name: str) -> T:
 def _try(seed: int, asked: Asked, kind: Kind, random: np.random.Generator) -> Case | None:
     rig = _named("rig", RIGS, asked.rig or _any(random, list(RIGS)))
     style = _named("style", STYLES, asked.style or _any(random, list(STYLES), [0.6, 0.2, 0.2]))
-    programme = rig.programme(asked.programme or _any(random, [p.name for p in rig.programmes()]))
+    drawn = asked.programme or _any(random, [p.name for p in rig.programmes()])
+    programme = _named("programme", rig.by_name(), drawn)
     if asked.concealment:
         concealment = Concealment(asked.concealment)
     elif kind is Kind.NULL:

@@ -103,15 +103,9 @@ class Rig:
         """The programmes that are recorded on this rig, of which a case draws one."""
         return _programmes(self)
 
-    def programme(self, name: str) -> Programme:
-        """A programme by its name: one of those that are drawn, or the brief one.
-
-        Raises ``ValueError`` with those there are.
-        """
-        known = {p.name: p for p in (*self.programmes(), _brief(self))}
-        if name not in known:
-            raise ValueError(f"no programme named {name!r}: use one of {', '.join(known)}")
-        return known[name]
+    def by_name(self) -> Mapping[str, Programme]:
+        """Those by their names, and the brief one, which is there for the asking."""
+        return {programme.name: programme for programme in (*self.programmes(), _brief(self))}
 
 
 def rod(mass_kg: float, length_m: float, thick_m: float = 0.01) -> Body:

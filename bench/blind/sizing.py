@@ -79,7 +79,7 @@ class Ground:
 def ground(key: Key) -> Ground:
     """The ground of a key."""
     rig = RIGS[key.rig]
-    return Ground(rig, rig.programme(key.programme), STYLES[key.style], key.build)
+    return Ground(rig, rig.by_name()[key.programme], STYLES[key.style], key.build)
 
 
 def observe(style: Style, run: Run, specimen: Specimen, channel: str = POSITION) -> Floats:

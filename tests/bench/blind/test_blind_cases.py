@@ -230,12 +230,12 @@ def test_servos_are_built_in_all_ways_and_a_gear_is_sprung_where_it_is_too_sprin
 def test_a_brief_programme_is_had_for_the_asking_and_drawn_by_no_case() -> None:
     for rig in RIGS.values():
         assert BRIEF not in {programme.name for programme in rig.programmes()}
-        brief = rig.programme(BRIEF)
+        brief = rig.by_name()[BRIEF]
         shortest = min(sum(r.plan.motion.duration_s for r in p.runs) for p in rig.programmes())
         assert sum(run.plan.motion.duration_s for run in brief.runs) < shortest
         assert {run.group for run in brief.runs} > set(brief.held_out)
         assert {run.plan.payload_kg for run in brief.runs} == set(rig.payloads_kg)
-        assert [rig.programme(p.name) for p in rig.programmes()] == list(rig.programmes())
+        assert list(rig.by_name().values()) == [*rig.programmes(), brief]
 
 
 def test_robot_file_has_the_gears_spring_however_it_is_built(
