@@ -56,10 +56,13 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "the same by 1 to 3 floors": _flags(
             (c for c in single if LEFT_1 <= walking(c) < LEFT_3), "first_right"
         ),
-        "class right where tolerances leave 1 floor and more": _flags(
-            (c for c in single if left(c) >= LEFT_1), "first_right"
+        "class right where tolerances leave 3 floors and more": _flags(
+            (c for c in single if left(c) >= LEFT_3), "first_right"
         ),
-        "the same where they leave less": _flags(
+        "the same where they leave 1 to 3": _flags(
+            (c for c in single if LEFT_1 <= left(c) < LEFT_3), "first_right"
+        ),
+        "the same where they leave less than one": _flags(
             (c for c in single if left(c) < LEFT_1), "first_right"
         ),
         "full set right, pairs": _flags(

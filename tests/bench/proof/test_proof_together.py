@@ -47,10 +47,13 @@ def test_sizes_of_a_walk_count_where_a_run_has_them():
 
 
 def test_what_tolerances_leave_counts_where_it_was_measured():
-    few = [case(ratio_left=x, first_right=int(x != "1.1")) for x in ("1.0", "1.1", "0.9", "")]
-    few.append(case("pair", ratio_left=2.0, first_right=1))
+    right = ("3.0", "2.9", "0.9")
+    sizes = (*right, "3.1", "1.0", "0.1", "0.2", "")
+    few = [case(ratio_left=x, first_right=int(x in right)) for x in sizes]
+    few.append(case("pair", ratio_left=4.0, first_right=1))
     assert counted("class right where tolerances", *few) == (0.5, 2)
-    assert counted("the same where they leave less", *few) == (1.0, 1)
+    assert counted("the same where they leave 1 to 3", *few) == (0.5, 2)
+    assert counted("the same where they leave less", *few) == (pytest.approx(1 / 3), 3)
 
 
 def test_a_null_may_alarm_without_a_name():
