@@ -4,12 +4,16 @@ As :mod:`bench.blind.imitation` has it of joints: the robot as it truly is, agai
 without the effect, where every nuisance may have any value within its bounds, and every other part
 any size from nothing to its double. It is measured where sizes are, from where a robot has stood
 up; on a stand, throughout. A play takes seconds, and there is one for each of some eighty numbers.
+
+Whoever diagnoses may have to grant more: a battery's charge, or a gain of which nobody says how its
+register scales. What is :class:`Granted` so widens a tolerance, or adds one.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,27 +21,49 @@ from numpy.typing import NDArray
 
 from .imitation import Free, Left, imitated, of_parts
 from .legged_case import TOLERANCES, LeggedCase, LeggedHidden, droop_most_v_s
+from .legged_effects import Whole
 from .legged_sizing import legged_floor, sized_on, tracks, walk
 
 Floats = NDArray[np.float64]
 
+GAIN = "gain_factor"  #: of all joints; off by nothing unless that is granted
 
-def legged_left(case: LeggedCase, index: int) -> Left:
+
+@dataclass(frozen=True, slots=True)
+class Granted:
+    """How far a supply and a gain may be off, as a share; ``None``: a supply as it is drawn."""
+
+    supply: float | None = None
+    gain: float = 0.0
+
+    def tolerances(self) -> Mapping[str, tuple[float, float]]:
+        """What nuisances may be: as believed, and how far off at most."""
+        if self.supply is None:
+            return TOLERANCES
+        return {**TOLERANCES, "supply_factor": (1.0, self.supply)}
+
+
+NO_MORE = Granted()  #: than the generator draws
+
+
+def legged_left(case: LeggedCase, index: int, granted: Granted = NO_MORE) -> Left:
     """What is left of one of the hidden effects of a case, beside all else in it."""
     without = dataclasses.replace(
         case, hidden=tuple(h for k, h in enumerate(case.hidden) if k != index)
     )
-    free = tuple(_free(without))
+    free = tuple(_free(without, granted))
     floor = legged_floor(case.scene.name)
     true = _shown(case)
+
+    def shown_at(units: Floats) -> list[Floats]:
+        gain = next((f.value(u) for f, u in zip(free, units, strict=True) if f.name == GAIN), 1.0)
+        return _shown(moved(without, free, units), gain)
 
     def rest_at(units: Floats) -> Floats:
         return np.concatenate(
             [
                 (one[:n] - other[:n]).ravel()
-                for one, other, n in zip(
-                    true, _shown(moved(without, free, units)), ends, strict=True
-                )
+                for one, other, n in zip(true, shown_at(units), ends, strict=True)
             ]
         )
 
@@ -45,18 +71,26 @@ def legged_left(case: LeggedCase, index: int) -> Left:
     return imitated(rest_at, free, floor)
 
 
-def _shown(case: LeggedCase) -> list[Floats]:
-    """Angles [rad] of the groups that sizes are measured on."""
+def _shown(case: LeggedCase, gain: float = 1.0) -> list[Floats]:
+    """Angles [rad] of the groups that sizes are measured on, of a robot with so much more gain."""
     scene = case.scene
-    changed = {group.name: case.truth(group.plan)[0] for group in sized_on(scene)}
+    changed = {g.name: _gained(case.truth(g.plan)[0], gain) for g in sized_on(scene)}
     found = tracks(scene, changed)
     walks = scene.support == "ground"
     return [(walk(track) if walks else track).angle_rad for track in found]
 
 
-def _free(case: LeggedCase) -> Iterator[Free]:
+def _gained(whole: Whole, gain: float) -> Whole:
+    if gain == 1.0:
+        return whole
+    known = whole.electrics.gain_factor or {}
+    every = {joint: gain * known.get(joint, 1.0) for joint in whole.robot.by_joint}
+    return whole.electrics_but(gain_factor=every)
+
+
+def _free(case: LeggedCase, granted: Granted = NO_MORE) -> Iterator[Free]:
     nuisances = case.nuisances
-    for name, (middle, most) in TOLERANCES.items():
+    for name, (middle, most) in granted.tolerances().items():
         now = getattr(nuisances, name)
         ends = middle - most, middle + most
         if isinstance(now, dict):
@@ -69,6 +103,8 @@ def _free(case: LeggedCase) -> Iterator[Free]:
             yield Free(name, now, *ends, most)
     most = droop_most_v_s(case.scene)
     yield Free("droop_v_s", nuisances.droop_v_s, 0.0, most, 0.5 * most)
+    if granted.gain:
+        yield Free(GAIN, 1.0, 1.0 - granted.gain, 1.0 + granted.gain, granted.gain)
     yield from of_parts((*case.ordinary, *case.hidden))
 
 

@@ -4,6 +4,11 @@
 
 A robot is drawn again from its key and played some eighty times (five minutes of a core), so that
 a proof does not wait for it. Ctrl-C keeps what is measured; the same command goes on from there.
+
+    python -m bench.proof.robots_left proof-7 --supply 0.04 --gain 0.06
+
+measures what a diagnosis leaves that grants more than the generator draws: into a folder of its own
+and not into the table, whose column is of the generator's tolerances.
 """
 
 from __future__ import annotations
@@ -20,7 +25,7 @@ import typer
 
 from bench.blind.case import Asked
 from bench.blind.legged_case import LeggedCase, draw_legged, nuisance_document
-from bench.blind.legged_imitation import legged_left
+from bench.blind.legged_imitation import NO_MORE, Granted, legged_left
 from bench.blind.scenes import SCENES
 from bench.files import write_csv, write_json
 from bench.stages import stages
@@ -48,10 +53,10 @@ def drawn(key: Key) -> LeggedCase:
     return case
 
 
-def measure(key: Key) -> list[dict[str, Any]]:
+def measure(key: Key, granted: Granted = NO_MORE) -> list[dict[str, Any]]:
     """What is left of each effect of a key."""
     case = drawn(key)
-    left = [legged_left(case, k) for k in range(len(case.hidden))]
+    left = [legged_left(case, k, granted) for k in range(len(case.hidden))]
     return [{"ratio": one.ratio, "imitation": dict(one.imitation)} for one in left]
 
 
@@ -76,10 +81,21 @@ def fill(folder: Path, left: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
     write_csv(path, COLUMNS, ([line.get(name, "") for name in COLUMNS] for line in lines))
 
 
-def _job(folder: Path, name: str) -> Job:
+def options(granted: Granted) -> list[str]:
+    """What is granted, as this command is told it; nothing where that is nothing."""
+    told = [] if granted.supply is None else ["--supply", f"{granted.supply:g}"]
+    return told + (["--gain", f"{granted.gain:g}"] if granted.gain else [])
+
+
+def _place(folder: Path, granted: Granted) -> Path:
+    """Where files are of what is left beside that."""
+    return folder / "-".join([FOLDER, *(word.strip("-") for word in options(granted))])
+
+
+def _job(folder: Path, name: str, granted: Granted) -> Job:
     """A robot in a process of its own, which ends with this one."""
-    told = (sys.executable, "-m", "bench.proof.robots_left", str(folder), "--one", name)
-    return Job(name, told, folder / FOLDER / f"{name}.txt")
+    command = (sys.executable, "-m", "bench.proof.robots_left", str(folder), "--one", name)
+    return Job(name, (*command, *options(granted)), _place(folder, granted) / f"{name}.txt")
 
 
 app = typer.Typer(add_completion=False)
@@ -92,6 +108,13 @@ def main(
     ],
     processes: Annotated[int, typer.Option(min=1, help="So many robots at a time.")] = 2,
     one: Annotated[str | None, typer.Option(metavar="CASE", help="This robot alone.")] = None,
+    supply: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=0.5, help="Grant a supply that is off by this share, not 0.015."),
+    ] = None,
+    gain: Annotated[
+        float, typer.Option(min=0.0, max=0.5, help="Grant a gain of all joints off by this share.")
+    ] = 0.0,
 ) -> None:
     """Measure what tolerances leave of the effects in opened robots, into cases.csv."""
     keys = wanted(folder)
@@ -99,12 +122,14 @@ def main(
         problem = "no keys of robots, or no cases.csv: name the folder of a proof that was opened"
         typer.echo(f"error: {folder}: {problem}", err=True)
         raise typer.Exit(1)
-    (folder / FOLDER).mkdir(exist_ok=True)
-    paths = {name: folder / FOLDER / f"{name}.json" for name in keys}
+    granted = Granted(supply, gain)
+    place = _place(folder, granted)
+    place.mkdir(exist_ok=True)
+    paths = {name: place / f"{name}.json" for name in keys}
     if one is not None:
         end_with_starter(os.getppid())
         try:
-            write_json(paths[one], measure(keys[one]))
+            write_json(paths[one], measure(keys[one], granted))
         except (KeyError, ValueError) as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(1) from None
@@ -114,7 +139,7 @@ def main(
     with stages() as say:
         done = len(keys) - len(waiting)
         say(f"robots measured: {done} of {len(keys)}")
-        for ended in run((_job(folder, name) for name in waiting), processes):
+        for ended in run((_job(folder, name, granted) for name in waiting), processes):
             if ended.code != 0:
                 failed.append(ended.job)
                 continue
@@ -123,7 +148,8 @@ def main(
             say(f"robots measured: {done} of {len(keys)}")
     there = {name: path for name, path in paths.items() if path.exists()}
     left = {name: json.loads(path.read_text("utf-8")) for name, path in there.items()}
-    fill(folder, left)
+    if granted == NO_MORE:
+        fill(folder, left)
     for name, effects in left.items():
         shown = zip(keys[name]["effects"], effects, strict=True)
         told = ", ".join(

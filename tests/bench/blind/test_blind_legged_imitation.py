@@ -13,7 +13,7 @@ from bench.blind.case import Concealment, Kind
 from bench.blind.imitation import Free
 from bench.blind.legged_case import TOLERANCES, LeggedCase, LeggedHidden, LeggedNuisances
 from bench.blind.legged_effects import Where, Whole
-from bench.blind.legged_imitation import legged_left, moved
+from bench.blind.legged_imitation import Granted, legged_left, moved
 from bench.blind.legged_sizing import BEGINNING_S, END_S, Track
 from bench.blind.scenes import OBSERVE_S, SCENES, Scene
 
@@ -62,13 +62,18 @@ def hides(name: str, size: float, sign: int = 1) -> LeggedHidden:
 
 
 def plain(scene: Scene, changed: Mapping[str, Whole]) -> Sequence[Track]:
-    """A robot of which every joint shows its supply, its tibiae's mass and its trunk's weight."""
+    """A robot of which every joint shows its supply, its tibiae's mass and its trunk's weight.
+
+    The supply shows as often as the gain of a joint has it.
+    """
     volts = float(scene.robot.document["supply"]["voltage_v"]["value"])
     found = []
     for whole in changed.values():
         masses = whole.body.link_mass or {}
+        gains = set((whole.electrics.gain_factor or {"any": 1.0}).values())
+        (gain,) = gains
         shown = [
-            10.0 * ((whole.electrics.supply_v or volts) / volts - 1.0),
+            10.0 * (gain * (whole.electrics.supply_v or volts) / volts - 1.0),
             *(masses.get(f"{leg}.tibia", 1.0) - 1.0 for leg in LEGS),
             3.0 * whole.body.payload_kg,
         ]
@@ -94,6 +99,22 @@ def test_a_supply_is_what_its_tolerance_leaves() -> None:
     left = legged_left(case(hides("supply_voltage", 0.1)), 0)
     assert left.ratio == pytest.approx(over_floor(10.0 * (0.13 - 0.015)), rel=1e-3)
     assert left.imitation["supply_factor"] == pytest.approx(1.015)
+
+
+def test_a_supply_and_a_gain_may_be_granted_more() -> None:
+    one = case(hides("supply_voltage", 0.1))
+    left = legged_left(one, 0, Granted(supply=0.04))
+    assert left.ratio == pytest.approx(over_floor(10.0 * (0.13 - 0.04)), rel=1e-3)
+    left = legged_left(one, 0, Granted(supply=0.04, gain=0.05))
+    assert left.ratio == pytest.approx(over_floor(10.0 * (1.13 - 1.04 * 1.05)), rel=1e-2)
+    assert left.imitation["gain_factor"] == pytest.approx(1.05)
+
+
+def test_a_gain_that_is_granted_is_beside_one_that_is_hidden() -> None:
+    one = case(hides("gain_error", 0.1))
+    whole, _ = one.truth(one.scene.groups[0].plan)
+    gained = legged_imitation._gained(whole, 1.05).electrics.gain_factor
+    assert gained == dict.fromkeys(JOINTS, pytest.approx(1.05 * 1.2))
 
 
 def test_masses_of_links_imitate_no_payload() -> None:

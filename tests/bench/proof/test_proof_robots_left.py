@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 from bench.blind.case import Asked
 from bench.blind.legged_case import draw_legged, nuisance_document
+from bench.proof import robots_left
 from bench.proof.robots_left import FOLDER, app, drawn, fill, wanted
 from bench.proof.table import write_table
 from tests.bench.proof.judged_cases import hidden_in, judged, key, robot_diagnosis, robot_key
@@ -107,3 +109,48 @@ def test_a_robot_that_cannot_be_measured_is_told_and_the_others_count(tmp_path: 
     assert "robot-2: error: robot-1: its seed draws another robot now" in told.stderr
     assert column(folder) == ["0.5", "", ""]
     assert not (folder / FOLDER / "robot-2.json").exists()
+
+
+def test_what_is_left_where_more_is_granted_is_apart_and_in_no_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = proof(tmp_path)
+    left = {"robot-1": [{"ratio": 0.5}], "robot-2": [{"ratio": 2.0}, {"ratio": 1.0}]}
+    keep(folder, left)
+    more = ["--supply", "0.04", "--gain", "0.06"]
+    told = []
+
+    def run(jobs, processes):
+        told.extend(jobs)
+        for job in told:
+            job.log.write_text("", encoding="utf-8")
+            effects = [{"ratio": 0.1}, {"ratio": 0.2}][: 1 + (job.name == "robot-2")]
+            job.log.with_suffix(".json").write_text(json.dumps(effects), encoding="utf-8")
+            yield SimpleNamespace(job=job, code=0)
+
+    monkeypatch.setattr(robots_left, "run", run)
+    said = CliRunner().invoke(app, [str(folder), *more])
+    assert said.exit_code == 0
+    assert "robot-1  payload 0.1 of 5 floors\n" in said.output
+    assert column(folder) == ["", "", ""]
+    assert [job.command[-4:] for job in told] == [tuple(more)] * 2
+    assert (folder / "left-supply-0.04-gain-0.06" / "robot-1.json").exists()
+    assert CliRunner().invoke(app, [str(folder)]).exit_code == 0
+    assert column(folder) == ["0.5", "1", ""]
+
+
+def test_one_robot_is_measured_with_what_is_granted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = proof(tmp_path)
+    case = SimpleNamespace(hidden=("a weight",))
+    monkeypatch.setattr(robots_left, "drawn", lambda key: case)
+
+    def left(case, index, granted):
+        return SimpleNamespace(ratio=granted.gain, imitation={"supply": granted.supply})
+
+    monkeypatch.setattr(robots_left, "legged_left", left)
+    told = ["--one", "robot-1", "--gain", "0.06", "--supply", "0.04"]
+    assert CliRunner().invoke(app, [str(folder), *told]).exit_code == 0
+    (kept,) = json.loads((folder / "left-supply-0.04-gain-0.06" / "robot-1.json").read_text())
+    assert kept == {"ratio": 0.06, "imitation": {"supply": 0.04}}
