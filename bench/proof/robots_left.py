@@ -122,6 +122,10 @@ def main(
         problem = "no keys of robots, or no cases.csv: name the folder of a proof that was opened"
         typer.echo(f"error: {folder}: {problem}", err=True)
         raise typer.Exit(1)
+    if one is not None and one not in keys:
+        known = ", ".join(keys)
+        typer.echo(f"error: --one {one}: nothing is hidden in it; there are {known}", err=True)
+        raise typer.Exit(1)
     granted = Granted(supply, gain)
     place = _place(folder, granted)
     place.mkdir(exist_ok=True)

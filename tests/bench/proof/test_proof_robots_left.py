@@ -154,3 +154,11 @@ def test_one_robot_is_measured_with_what_is_granted(
     assert CliRunner().invoke(app, [str(folder), *told]).exit_code == 0
     (kept,) = json.loads((folder / "left-supply-0.04-gain-0.06" / "robot-1.json").read_text())
     assert kept == {"ratio": 0.06, "imitation": {"supply": 0.04}}
+
+
+def test_a_robot_without_an_effect_is_refused_by_its_name(tmp_path: Path) -> None:
+    told = CliRunner().invoke(app, [str(proof(tmp_path)), "--one", "robot-3"])
+    assert told.exit_code == 1
+    asked = "--one robot-3: nothing is hidden in it; there are robot-1, robot-2"
+    assert told.output == f"error: {asked}\n"
+    assert not (tmp_path / FOLDER).exists()
