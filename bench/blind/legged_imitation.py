@@ -29,17 +29,18 @@ Floats = NDArray[np.float64]
 GAIN = "gain_factor"  #: of all joints; off by nothing unless that is granted
 
 
+DRAWN = TOLERANCES["supply_factor"][1]  #: how far a supply is off at most
+
+
 @dataclass(frozen=True, slots=True)
 class Granted:
-    """How far a supply and a gain may be off, as a share; ``None``: a supply as it is drawn."""
+    """How far a supply and a gain may be off, as a share; a supply no less than it is drawn."""
 
-    supply: float | None = None
+    supply: float = DRAWN
     gain: float = 0.0
 
     def tolerances(self) -> Mapping[str, tuple[float, float]]:
         """What nuisances may be: as believed, and how far off at most."""
-        if self.supply is None:
-            return TOLERANCES
         return {**TOLERANCES, "supply_factor": (1.0, self.supply)}
 
 

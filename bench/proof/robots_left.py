@@ -25,7 +25,7 @@ import typer
 
 from bench.blind.case import Asked
 from bench.blind.legged_case import LeggedCase, draw_legged, nuisance_document
-from bench.blind.legged_imitation import NO_MORE, Granted, legged_left
+from bench.blind.legged_imitation import DRAWN, NO_MORE, Granted, legged_left
 from bench.blind.scenes import SCENES
 from bench.files import write_csv, write_json
 from bench.stages import stages
@@ -83,7 +83,7 @@ def fill(folder: Path, left: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
 
 def options(granted: Granted) -> list[str]:
     """What is granted, as this command is told it; nothing where that is nothing."""
-    told = [] if granted.supply is None else ["--supply", f"{granted.supply:g}"]
+    told = ["--supply", f"{granted.supply:g}"] if granted.supply != DRAWN else []
     return told + (["--gain", f"{granted.gain:g}"] if granted.gain else [])
 
 
@@ -109,9 +109,8 @@ def main(
     processes: Annotated[int, typer.Option(min=1, help="So many robots at a time.")] = 2,
     one: Annotated[str | None, typer.Option(metavar="CASE", help="This robot alone.")] = None,
     supply: Annotated[
-        float | None,
-        typer.Option(min=0.0, max=0.5, help="Grant a supply that is off by this share, not 0.015."),
-    ] = None,
+        float, typer.Option(min=DRAWN, max=0.5, help="Grant a supply that is off by this share.")
+    ] = DRAWN,
     gain: Annotated[
         float, typer.Option(min=0.0, max=0.5, help="Grant a gain of all joints off by this share.")
     ] = 0.0,

@@ -162,3 +162,9 @@ def test_a_robot_without_an_effect_is_refused_by_its_name(tmp_path: Path) -> Non
     asked = "--one robot-3: nothing is hidden in it; there are robot-1, robot-2"
     assert told.output == f"error: {asked}\n"
     assert not (tmp_path / FOLDER).exists()
+
+
+def test_no_less_of_a_supply_is_granted_than_is_drawn(tmp_path: Path) -> None:
+    folder = proof(tmp_path)
+    assert CliRunner().invoke(app, [str(folder), "--supply", "0.01"]).exit_code == 2
+    assert not list(folder.glob("left*"))
