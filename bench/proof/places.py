@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +21,18 @@ class Place:
     f1: float  #: of the joints that named causes are in; without a cause, of the mismatch's
     mismatch_f1: float  #: of the joints that the mismatch lists
     everywhere: bool  #: what is hidden is in all joints: whoever says so is right
-    true_phase: str  #: empty where nothing walks
-    told_phase: str  #: empty where no mismatch is told
+    true_stance: float  #: share of stance in what is hidden; nan where nothing walks
+    told_stance: float  #: the same of what the mismatch lists; nan where none is told
+
+    @property
+    def true_phase(self) -> str:
+        """The phase that what is hidden is mostly in; empty where nothing walks."""
+        return phase_of(self.true_stance)
+
+    @property
+    def told_phase(self) -> str:
+        """The phase that is told; empty where no mismatch is."""
+        return phase_of(self.told_stance)
 
     @property
     def phase_right(self) -> bool:
@@ -50,8 +61,8 @@ def place_of(
         f1=f1(named, hidden) if own_causes else of_mismatch,
         mismatch_f1=of_mismatch,
         everywhere=len(hidden) == len(every),
-        true_phase="" if stance is None else phase_of(float(stance)),
-        told_phase=_told_phase(mismatch),
+        true_stance=math.nan if stance is None else float(stance),
+        told_stance=_told_stance(mismatch),
     )
 
 
@@ -72,14 +83,16 @@ def f1(told: set[str], true: set[str]) -> float:
 
 
 def phase_of(stance_share: float) -> str:
-    """The phase that a misfit is mostly in."""
+    """The phase that a misfit is mostly in; empty where its share of stance is nan."""
+    if math.isnan(stance_share):
+        return ""
     if stance_share >= MOSTLY:
         return STANCE
     return SWING if stance_share <= 1.0 - MOSTLY else ALL
 
 
-def _told_phase(mismatch: Sequence[Mapping[str, Any]]) -> str:
+def _told_stance(mismatch: Sequence[Mapping[str, Any]]) -> float:
     total = sum(float(row["share"]) for row in mismatch)
     if total <= 0.0:
-        return ""
-    return phase_of(sum(float(r["share"]) for r in mismatch if r["phase"] == STANCE) / total)
+        return math.nan
+    return sum(float(r["share"]) for r in mismatch if r["phase"] == STANCE) / total

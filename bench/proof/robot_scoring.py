@@ -9,7 +9,19 @@ import numpy as np
 
 from .judging import UNKNOWN_KINDS, Judged
 from .places import Place
-from .scoring import AT_3, LEFT_1, LEFT_3, Row, beside, naming, score, set_goal, share, statistic
+from .scoring import (
+    AT_3,
+    LEFT_1,
+    LEFT_3,
+    Row,
+    beside,
+    median,
+    naming,
+    score,
+    set_goal,
+    share,
+    statistic,
+)
 
 #: good and great by row; more is better
 GOALS: Mapping[str, tuple[float, float, bool]] = {
@@ -78,4 +90,7 @@ def _phase(cases: Sequence[Judged]) -> Row:
         **share(place.phase_right for place, large in every if large),
         "told_at_all": share(bool(place.told_phase) for place, large in every if large),
         "at_all_sizes": share(place.phase_right for place, _ in every),
+        "share_off": median(
+            [np.array([abs(p.told_stance - p.true_stance)]) for p, _ in every if p.told_phase]
+        ),
     }

@@ -65,6 +65,11 @@ def statistic(groups: Sequence[Floats], of: Callable[[Floats], float]) -> Row:
     return {"value": of(np.concatenate(told)), "n": rows, "ci95": list(bootstrap(told, of))}
 
 
+def median(groups: Sequence[Floats]) -> Row:
+    """The median of rows, as :func:`statistic`."""
+    return statistic(groups, lambda x: float(np.median(x)))
+
+
 def calibration_error(rows: Floats) -> float:
     """Expected calibration error of rows of stated probability and truth (0 or 1)."""
     bins = np.minimum((rows[:, 0] * BINS).astype(int), BINS - 1)
@@ -207,7 +212,7 @@ def _explained(cases: Sequence[Judged]) -> Row:
     rows = [np.array([c.explained]) for c in known if c.explained is not None]
     return {
         **statistic(rows, lambda x: float(np.mean(x))),
-        "median": statistic(rows, lambda x: float(np.median(x))),
+        "median": median(rows),
     }
 
 
@@ -216,10 +221,7 @@ def _errors(cases: Sequence[Judged]) -> Row:
         own = [c for c in cases if c.kind == "single" and c.ratio >= least]
         return [np.array([p.error for p in c.checked if p.main]) for c in own]
 
-    def median(x: Floats) -> float:
-        return float(np.median(x))
-
-    return {**statistic(rows(AT_3), median), "at_all_sizes": statistic(rows(0.0), median)}
+    return {**median(rows(AT_3)), "at_all_sizes": median(rows(0.0))}
 
 
 def _coverage(cases: Sequence[Judged]) -> Row:

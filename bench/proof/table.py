@@ -41,6 +41,8 @@ COLUMNS = (
     "mismatch_f1",
     "true_phase",
     "told_phase",
+    "true_stance",
+    "told_stance",
     "seconds",
     "failure",
 )
@@ -63,8 +65,8 @@ def line(c: Judged) -> Mapping[str, Any]:
         "hidden": " ".join(c.hidden),
         "ordinary": " ".join(c.ordinary),
         "ratio": f"{c.ratio:.3g}",
-        "ratio_left": "" if math.isnan(c.left) else f"{c.left:.3g}",
-        "ratio_walking": "" if math.isnan(c.walking) else f"{c.walking:.3g}",
+        "ratio_left": _number(c.left),
+        "ratio_walking": _number(c.walking),
         "verdict": c.verdict,
         "named": " ".join(f"{n.effect}:{n.probability:.3f}" for n in c.named),
         "labels": " ".join(n.label for n in c.named),
@@ -83,9 +85,15 @@ def line(c: Judged) -> Mapping[str, Any]:
         "mismatch_f1": f"{c.place.mismatch_f1:.4f}" if c.place else "",
         "true_phase": c.place.true_phase if c.place else "",
         "told_phase": c.place.told_phase if c.place else "",
+        "true_stance": _number(c.place.true_stance) if c.place else "",
+        "told_stance": _number(c.place.told_stance) if c.place else "",
         "seconds": f"{c.seconds:.1f}",
         "failure": c.failure,
     }
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.3g}"
 
 
 def _parameters(named: Named) -> list[str]:

@@ -9,18 +9,22 @@ say how good it has been, and no run alone has cases enough for that.
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
-from .scoring import AT_1, AT_3, LEFT_1, LEFT_3, Row, share
+from .scoring import AT_1, AT_3, LEFT_1, LEFT_3, Row, median, share
 from .table import COLUMNS
 
 Case = dict[str, str]
-NEEDED = frozenset(COLUMNS) - {"ratio_walking", "ratio_left"}  #: what tables have always had
+NEEDED = frozenset(COLUMNS) - {  #: what tables have always had
+    *("ratio_walking", "ratio_left", "true_stance", "told_stance")
+}
 #: an estimate with its interval, as a table has it
 SHOWN = re.compile(r"(?P<name>[^=\s]+)=(?P<value>[^\[]+)\[(?P<low>[^;]+);(?P<high>[^\]]+)\]")
 
@@ -74,6 +78,9 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "confidently wrong": _flags(cases, "certain_and_wrong"),
         "intervals that hold the truth": share(within for c in cases for within in held(c)),
         "phase right, where one is told": share(c["told_phase"] == c["true_phase"] for c in told),
+        "share of stance that is told, off by (median)": median(
+            [np.array([off]) for c in told if not math.isnan(off := stance_off(c))]
+        ),
     }
 
 
@@ -85,6 +92,12 @@ def walking(case: Case) -> float:
 def left(case: Case) -> float:
     """What tolerances leave of it, in floors; nan where nobody has measured it."""
     return float(case.get("ratio_left") or "nan")
+
+
+def stance_off(case: Case) -> float:
+    """How far the share of stance that is told is from the true one; nan where a run has none."""
+    told, true = (float(case.get(f"{which}_stance") or "nan") for which in ("told", "true"))
+    return abs(told - true)
 
 
 def held(case: Case) -> Iterator[bool]:

@@ -86,6 +86,9 @@ def test_phases_are_a_share_of_cases(cases):
     assert (row["value"], row["n"]) == (0.5, 4)  # stance where it is stance, twice
     assert row["told_at_all"]["value"] == 0.75
     assert row["at_all_sizes"]["value"] == pytest.approx(2 / 5)
+    # a true share of 0.9, told as 1, 0 and 1; two tell nothing
+    assert (row["share_off"]["value"], row["share_off"]["n"]) == (pytest.approx(0.1), 3)
+    assert row["share_off"]["ci95"] == pytest.approx([0.1, 0.9])
     assert row["met"] == "no"
 
 
@@ -202,6 +205,8 @@ def test_robots_without_joints_leave_the_joints_rows_empty(written, cases):
     assert "joints F1 0.50; swing, true stance" in page
     assert lines[1]["joint_group_f1"] == "0.5000"
     assert (lines[1]["told_phase"], lines[1]["true_phase"]) == ("swing", "stance")
+    assert (lines[1]["told_stance"], lines[1]["true_stance"]) == ("0", "0.9")
+    assert (lines[2]["told_stance"], lines[5]["true_stance"]) == ("", "")
 
 
 def test_both_stand_apart(written, cases):

@@ -86,6 +86,17 @@ def test_a_phase_counts_where_one_is_told():
     assert counted("phase", *few) == (0.5, 2)
 
 
+def test_a_share_of_stance_counts_where_a_run_has_it():
+    few = [
+        case(told_phase="all", told_stance="0.4", true_stance="0.3"),
+        case(told_phase="all", told_stance="0.5", true_stance="0.7"),
+        case(told_phase="stance", told_stance="1", true_stance="0.2"),
+        case(told_phase="stance", told_stance="0.9"),
+        case(true_stance="0.5"),
+    ]
+    assert counted("share of stance", *few, case(told_phase="all")) == (pytest.approx(0.2), 3)
+
+
 def test_an_interval_is_asked_for_its_own_truth():
     told = case(
         true_parameters="gain_error.scale=0.8 payload.mass_kg=0.5 tilt.roll_rad=-0.1 far.k=inf",
