@@ -72,7 +72,7 @@ class DriveBank:
         self.commands[:] = command_column(DriveCommand()).reshape(-1, 1)
         self.states[fields.ROTOR_POSITION] = position_rad
         self.states[fields.VOLTAGE] = supply_voltage_v
-        self._arrays = fields.Arrays(self.params, self.states, self.commands, self.supplies)
+        self.arrays = fields.Arrays(self.params, self.states, self.commands, self.supplies)
         self._step_s = step_s
         self._substeps = substeps
         self._tick_s = tick_s
@@ -90,21 +90,21 @@ class DriveBank:
 
     def tick(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Run every firmware once on the shafts' angles and velocities."""
-        firmware.control(self._arrays, position_rad, velocity_rad_s, self._tick_s)
+        firmware.control(self.arrays, position_rad, velocity_rad_s, self._tick_s)
 
     def step(self, position_rad: Array, velocity_rad_s: Array) -> None:
         """Move the rotors by one step while the shafts move on from the given state."""
-        kernel.drive(self._arrays, position_rad, velocity_rad_s, self._step_s, self._substeps)
+        kernel.drive(self.arrays, position_rad, velocity_rad_s, self._step_s, self._substeps)
 
     def move(self, mount: Array, joints: Array, shafts: Array, *, tick: bool) -> None:
         """Tick, if asked for, and step in one call, in the joints' frame: see ``kernel.move``."""
         tick_s = self._tick_s if tick else 0.0
-        kernel.move(self._arrays, mount, joints, shafts, tick_s, self._step_s, self._substeps)
+        kernel.move(self.arrays, mount, joints, shafts, tick_s, self._step_s, self._substeps)
 
     def _compile(self) -> None:
         """Run the compiled code once on a copy, so that nothing is compiled while serving."""
         still = np.zeros(self.params.shape[1])
-        copy = self._arrays._replace(states=self.states.copy())
+        copy = self.arrays._replace(states=self.states.copy())
         firmware.control(copy, still, still, self._tick_s)
         kernel.drive(copy, still, still, self._step_s, self._substeps)
         three = np.zeros((3, still.size))

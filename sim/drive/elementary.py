@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from .compiling import inlined
+from ..compiling import inlined
 
 QUARTERS = 2.0 / math.pi  #: in a radian
 #: a quarter of a turn in two parts [rad]; the first has 33 bits, so that its multiples are exact

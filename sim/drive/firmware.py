@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from .compiling import compiled, inlined
+from ..compiling import compiled, inlined
 from .elementary import sine_cosine
 from .fields import (
     ACCELERATION_CAP,

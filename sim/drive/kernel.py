@@ -20,7 +20,7 @@ With torque disabled the bridge is taken to be open: no current, no torque, fric
 
 from __future__ import annotations
 
-from .compiling import compiled, inlined
+from ..compiling import compiled, inlined
 from .fields import (
     BACK_EMF,
     BENT,

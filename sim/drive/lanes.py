@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiling import inlined
+from ..compiling import inlined
 from .fields import COMMANDS, PARAMS, STATES, SUPPLIES, Array, Arrays
 
 Integers = NDArray[np.int64]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from .compiling import compiled, inlined
+from ..compiling import compiled, inlined
 from .elementary import sine_cosine
 from .fields import (
     BACKLASH,

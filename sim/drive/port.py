@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from .compiling import inlined
+from ..compiling import inlined
 from .fields import CURRENT, DELAY, ENABLED, GOALS, HEAT, VOLTAGE, WINDING_HEAT, Array, Arrays
 from .firmware import sense
 from .lanes import (

@@ -7,7 +7,7 @@ servo is not as it is believed. Jobs go one after the other.
 
 from __future__ import annotations
 
-from .compiling import compiled
+from ..compiling import compiled
 from .fields import DELAY, DUTY, Array, Arrays
 from .firmware import control_one, hurry
 from .lanes import Jobs, drives

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .compiling import inlined
+from ..compiling import inlined
 from .elementary import decay
 from .fields import (
     BACK_EMF,

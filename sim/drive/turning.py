@@ -6,7 +6,7 @@ substeps, as one mass where the gear is rigid.
 
 from __future__ import annotations
 
-from .compiling import inlined
+from ..compiling import inlined
 from .fields import (
     BENT,
     CABLE_STIFFNESS,

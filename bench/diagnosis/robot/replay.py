@@ -1,4 +1,4 @@
-"""Replaying what a whole robot was told: its recorded commands through PyBullet, without a bus."""
+"""Replaying what a whole robot was told: its recorded commands, without a bus."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from bench.recording.rules import READ
 from busemu.tables import Robot, ServoMount
 from sim.drive import fields
 from sim.drive.parameters import pack
+from sim.floating.rollout import Start, rollout
 from sim.model import read_model
-from sim.stability import LARGEST, stiffness_number, too_stiff
-from sim.stepped import TICK_S, SteppedPlant
+from sim.observer import pose_seen
+from sim.stepped import TICK_S
 from sim.tree import SEGMENTS, PhysicalRobot
-from sim.world import LEVEL, STEPS_PER_TICK, SUBSTEPS, World
 
 from ..commands import drive_commands
 from ..observed import Channel, held_at, shown_by
@@ -33,7 +33,8 @@ LEANS = (
 )
 OWN_LEAN = LEANS[1]  #: as the model's observer has them
 VOLTAGES = ("present_voltage", "present_input_voltage")  #: registers of the supply's voltage
-BASE_EVERY = 10  #: ticks between two looks at the trunk, the supply and the feet
+LOOK_EVERY = 10  #: ticks between two looks at the trunk, the supply and the feet
+HELD_HEIGHT_M = 0.5  #: of a trunk held in the air
 LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
 #: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
 LATE_S = 0.0015
@@ -247,58 +248,6 @@ class Jitter:
         return angles, self.yaw_rad * random.standard_normal()
 
 
-class _Stage(SteppedPlant):
-    """A plant that is told drive columns and remembers every tick."""
-
-    def play(self, course: Course, feet: Sequence[str], rest_m: float, span: Span | None) -> Track:
-        """Run a course from its beginning, or a span of it; ``feet`` are the bodies they are of."""
-        watched = course.height is not None or course.lean is not None
-        from_s, to_s = span or (0.0, course.end_s)
-        ticks = int(np.ceil((to_s - from_s) / TICK_S)) + 3
-        sensed = np.empty((ticks, len(self._names)))
-        heights, leans, volts, stands = [], [], [], []
-        # a command acts from the first tick after it, as behind the bus
-        acts_s = _acts_s(course.events, self._delays_s) + LATE_S - from_s
-        due = np.floor(acts_s / TICK_S + 1e-6).astype(int) + 1
-        order = np.argsort(due, kind="stable")
-        due, rows = due[order], course.events[order, 1:].tolist()
-        self.bank.commands[:] = course.start
-        k = 0
-        for tick in range(ticks):
-            while k < len(due) and due[k] <= tick:
-                joint, field, value = rows[k]
-                self.bank.commands[int(field), int(joint)] = value
-                k += 1
-            sensed[tick] = self._joint_rad
-            if tick % BASE_EVERY == 0:
-                ground = self._engine.contacts().ground_n
-                stands.append([ground.get(foot, 0.0) > 0.0 for foot in feet])
-                volts.append(float(self.bank.states[fields.VOLTAGE].mean()))
-                if watched:
-                    seen = self._engine.observe()
-                    heights.append(seen[HEIGHT])
-                    leans.append([seen[name] for name in OWN_LEAN])
-            for _ in range(self._steps_per_tick):
-                self._step()
-        times = from_s + np.arange(len(stands), dtype=np.float64) * (BASE_EVERY * TICK_S)
-        settled = from_s + SETTLE_S if span else -np.inf
-        angles = self._as_sensed(sensed)
-        told = settled, to_s if span else np.inf
-        lean = np.reshape(leans, (-1, len(OWN_LEAN)))
-        looked = np.array(heights), lean, np.array(volts), np.array(stands, bool)
-        return Track(angles, times, *looked, rest_m, from_s, told)
-
-    def _as_sensed(self, joint_rad: Floats) -> Floats:
-        """What the servos' sensors make of the joints' angles, in the joints' frame."""
-        params = self.bank.params
-        servo = (joint_rad - self._mount[1]) * self._mount[0]
-        wave = params[fields.WAVE] * np.sin(
-            params[fields.WAVE_PERIODS] * servo + params[fields.WAVE_PHASE]
-        )
-        sensed: Floats = joint_rad + self._mount[0] * (params[fields.ZERO_OFFSET] + wave)
-        return sensed
-
-
 def _acts_s(events: Floats, delays_s: Sequence[float]) -> Floats:
     """When each event acts [s]: goals later by their joint's delay, or once it is switched on."""
     time_s, joint, field, value = events.T
@@ -317,7 +266,7 @@ def play(
     jitter: Jitter | None = None,
     span: Span | None = None,
 ) -> Track:
-    """Replay a course with a robot in a PyBullet of its own.
+    """Replay a course with a robot, compiled (:mod:`sim.floating`).
 
     It starts where the joints were first read, on its belly or its feet; with a ``span``, where
     they were read at its beginning. Raises :class:`sim.entries.PhysicsError` for a gear too stiff
@@ -328,20 +277,59 @@ def play(
     offsets = np.array([j.drive.zero_offset_rad * j.direction for j in robot.joints])
     first = _posture(robot, course.first_rad - offsets + angles)
     posture = first if span is None else _posture(robot, course.at(span[0]) - offsets + angles)
-    world = World(robot, step_s=TICK_S, held=course.condition.get("support") == "suspended")
-    try:
-        turned = (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw)))
-        lying = course.condition.get("support") != "suspended"
-        rest = _height_m(robot, first) if lying else world.base()[0][2]
-        height = _height_m(robot, posture) if lying else rest
-        world.place((0.0, 0.0, height), turned if lying else LEVEL, posture)
-        steps = _steps_per_tick(robot, world)
-        world.set_step(TICK_S / steps)
-        stage = _Stage(robot, world, steps_per_tick=steps, substeps=SUBSTEPS)
-        feet = [f"{leg.name}.{SEGMENTS[-1]}" for leg in robot.legs]
-        return stage.play(course, feet, rest, span)
-    finally:
-        world.close()
+    from_s, to_s = span or (0.0, course.end_s)
+    held = course.condition.get("support") == "suspended"
+    rest = HELD_HEIGHT_M if held else _height_m(robot, first)
+    height = HELD_HEIGHT_M if held else _height_m(robot, posture)
+    seen = rollout(
+        robot,
+        Start(posture, (0.0, 0.0, height), 0.0 if held else yaw, held),
+        course.start,
+        _events(robot, course, from_s),
+        int(np.ceil((to_s - from_s) / TICK_S)) + 3,
+        LOOK_EVERY,
+    )
+    watched = course.height is not None or course.lean is not None
+    return Track(
+        angle_rad=_as_sensed(robot, seen.angle_rad),
+        look_t_s=from_s + seen.look_s,
+        height_m=seen.origin_m[:, 2] if watched else np.empty(0),
+        lean_rad=_leans(seen.frame) if watched else np.empty((0, len(OWN_LEAN))),
+        voltage_v=seen.voltage_v,
+        stands=np.stack([seen.pressed[f"{leg.name}.{SEGMENTS[-1]}"] for leg in robot.legs], axis=1),
+        rest_m=rest,
+        from_s=from_s,
+        span=(from_s + SETTLE_S, to_s) if span else (-np.inf, np.inf),
+    )
+
+
+def _events(robot: PhysicalRobot, course: Course, from_s: float) -> Floats:
+    """What drives are told, by the tick from which it holds: the first after it, as on a bus."""
+    delays = [joint.drive.delay_s for joint in robot.joints]
+    acts_s = _acts_s(course.events, delays) + LATE_S - from_s
+    due = np.floor(acts_s / TICK_S + 1e-6) + 1.0
+    order = np.argsort(due, kind="stable")
+    return np.column_stack([due, course.events[:, 1:]])[order]
+
+
+def _as_sensed(robot: PhysicalRobot, joint_rad: Floats) -> Floats:
+    """What the servos' sensors make of the joints' angles, in the joints' frame."""
+    params = pack([joint.drive for joint in robot.joints])
+    sign, zero = (
+        np.array([float(j.direction) for j in robot.joints]),
+        np.array([j.zero_rad for j in robot.joints]),
+    )
+    wave = params[fields.WAVE] * np.sin(
+        params[fields.WAVE_PERIODS] * (joint_rad - zero) * sign + params[fields.WAVE_PHASE]
+    )
+    sensed: Floats = joint_rad + sign * (params[fields.ZERO_OFFSET] + wave)
+    return sensed
+
+
+def _leans(frame: Floats) -> Floats:
+    """Roll and pitch of frames (looks, 3, 3), as an observer has them."""
+    seen = [pose_seen((0.0, 0.0, 0.0), one.ravel().tolist()) for one in frame]
+    return np.array([[pose[name] for name in OWN_LEAN] for pose in seen])
 
 
 def _posture(robot: PhysicalRobot, angle_rad: Floats) -> dict[str, float]:
@@ -356,14 +344,3 @@ def _height_m(robot: PhysicalRobot, posture: Mapping[str, float]) -> float:
         for leg in robot.legs
     ]
     return max(*feet, -robot.trunk.belly_m)
-
-
-def _steps_per_tick(robot: PhysicalRobot, world: World) -> int:
-    inverse = world.inverse_mass()
-    params = pack([joint.drive for joint in robot.joints])
-    number = 0.0
-    for steps in STEPS_PER_TICK:
-        number = stiffness_number(params, inverse, TICK_S / steps)
-        if number <= LARGEST:
-            return steps
-    raise too_stiff(number, TICK_S / STEPS_PER_TICK[-1], robot.name)

@@ -21,6 +21,9 @@ from sim.drive import fields
 from sim.stepped import TICK_S
 
 
+ENGINES_RAD = 0.5e-3  #: that PyBullet and replays differ by in a walk; measured: 0.3 mrad
+
+
 @pytest.fixture(scope="module")
 def plain():
     return play(believed(), walked())
@@ -34,7 +37,8 @@ def test_a_replay_of_the_same_robot_leaves_little_more_than_rounding(plain):
     (instant,) = (n.deviation for n in nuisances(believed(), 0.0) if n.name == "sampling")
     moved = np.concatenate([plain.at(j, t + instant) - plain.at(j, t) for j, t in seen])
     rounding = told.quantum_rad / math.sqrt(12.0)
-    assert np.std(apart) < math.hypot(rounding, np.std(moved))
+    # PyBullet walked, and the compiled bodies replay: feet slip a little otherwise
+    assert np.std(apart) < math.hypot(rounding, np.std(moved), ENGINES_RAD)
 
 
 def test_a_replay_is_the_same_again_and_another_start_changes_it_little(plain):
