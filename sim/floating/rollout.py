@@ -73,8 +73,8 @@ def rollout(
     """Let a robot do what its drives are told.
 
     ``commands`` (fields, joints) are the drives' at first, ``events`` (n, 4), in order: tick from
-    which it holds, joint, field of :mod:`sim.drive.fields`, value. Without ``steps_per_tick`` they are
-    as many as the gears ask for. Raises :class:`sim.entries.PhysicsError` for a gear too stiff for
+    which it holds, joint, field of :mod:`sim.drive.fields`, value. Steps are as many a tick as the
+    gears ask for, if not given. Raises :class:`sim.entries.PhysicsError` for a gear too stiff for
     any step.
     """
     tree = tree_of(robot)

@@ -20,7 +20,6 @@ from bench.recording import Recording, RecordingError
 from sim.drive import fields
 from sim.stepped import TICK_S
 
-
 ENGINES_RAD = 0.5e-3  #: that PyBullet and replays differ by in a walk; measured: 0.3 mrad
 
 
