@@ -17,6 +17,9 @@ from .shapes import Kind, Part, Shape, Vector, read_shapes, spread
 from .tree import SEGMENTS, Body, Contact, Foot, Leg, Trunk
 
 UP: Vector = (0.0, 0.0, 1.0)
+#: arm at which a foot rubs as it turns, over its radius; assumed: half of that of a foot of which
+#: all touches and presses evenly
+TURNING = 1.0 / 3.0
 LIFTING: Vector = (0.0, -1.0, 0.0)  #: an axis about which positive lifts what points outward
 
 
@@ -104,11 +107,12 @@ def _trunk(section: Section, load_kg: float) -> Trunk:
 
 
 def _contact(section: Section) -> tuple[Contact, Foot]:
-    section.only("foot_radius_m", "friction", "restitution")
+    section.only("foot_radius_m", "foot_turning_m", "friction", "restitution")
     friction = section.number("friction", "(ratio)", 0.0, 3.0)
     radius = section.number("foot_radius_m", "m", 0.001, 0.1)
     restitution = section.number("restitution", "(ratio)", 0.0, 1.0)
-    return Contact(friction, restitution), Foot(radius, friction)
+    turning = section.number("foot_turning_m", "m", 0.0, 0.1, default=TURNING * radius)
+    return Contact(friction, restitution), Foot(radius, friction, turning_m=turning)
 
 
 def _leg(section: Section, lengths_m: Mapping[str, float], foot: Foot) -> Leg:

@@ -46,6 +46,9 @@ class Foot:
     friction: float  #: times the ground's
     stiffness_n_m: float = math.inf
     damping_n_s_m: float = 0.0
+    #: arm at which it rubs where it turns on its spot [m]; two thirds of the patch that touches,
+    #: if that presses evenly. Replays have it (:mod:`sim.floating`), PyBullet does not
+    turning_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

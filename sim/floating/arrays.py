@@ -20,7 +20,8 @@ from ..tree import Body, PhysicalRobot
 Integers = NDArray[np.int64]
 
 FREE = 6  #: dofs of the trunk
-ROWS = 96  #: of contacts and of joints at their stops, at most, in one step: three and one each
+A_CONTACT = 4  #: rows of a contact
+ROWS = 96  #: of contacts and of joints at their stops (one each), at most, in one step
 
 # --- bodies[field, body]
 MASS = 0  #: [kg]
@@ -34,8 +35,9 @@ UPPER = 19
 FRICTION = 20  #: of the body with the ground
 STIFFNESS = 21  #: of a contact with the ground [N/m], infinite: rigid
 DAMPING = 22  #: [N s/m]
-REACH = 23  #: of its farthest point from its frame's origin [m]
-BODIES = 24
+TURNING = 23  #: arm at which a contact of it rubs that turns on its spot [m]
+REACH = 24  #: of its farthest point from its frame's origin [m]
+BODIES = 25
 
 # --- points[field, point]: what can touch the ground
 PLACE = 0  #: three: in the body's frame [m]
@@ -59,7 +61,7 @@ class Motion(NamedTuple):
     """Where it all is, and how fast. A point's last impulse [N s] is where the next search begins.
 
     ``turned`` (3, 3) and ``origin`` (3,): the trunk's frame; ``angle`` (bodies,) of joints, the
-    first is none; ``pace`` (dofs,); ``impulse`` (3, points).
+    first is none; ``pace`` (dofs,); ``impulse`` (A_CONTACT, points).
     """
 
     turned: Array
@@ -137,6 +139,7 @@ def _touch(robot: PhysicalRobot, bodies: Array, index: dict[str, int]) -> None:
         gives = 1.0 / foot.stiffness_n_m + 1.0 / ground.stiffness_n_m
         bodies[STIFFNESS, i] = 1.0 / gives if gives else math.inf
         bodies[DAMPING, i] += foot.damping_n_s_m
+        bodies[TURNING, i] = foot.turning_m
 
 
 def _points(shapes: tuple[Shape, ...]) -> list[Array]:
@@ -160,7 +163,7 @@ def _points(shapes: tuple[Shape, ...]) -> list[Array]:
 def motion(of: Tree) -> Motion:
     """A robot's motion, to be filled."""
     count = len(of.parent)
-    still = np.zeros(count), np.zeros(FREE + count - 1), np.zeros((3, len(of.owner)))
+    still = np.zeros(count), np.zeros(FREE + count - 1), np.zeros((A_CONTACT, len(of.owner)))
     return Motion(np.eye(3), np.zeros(3), *still)
 
 

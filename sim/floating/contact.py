@@ -4,6 +4,9 @@ Impulses are those that leave every contact's speed no deeper in the ground than
 damper let it (rigid: than it was, less a share), within a cone of friction: found one after the
 other until none changes (projected Gauss and Seidel). A spring and a damper act as at the end of
 the step, so that any stiffness is stable.
+
+No foot is a point: one that turns on its spot rubs, and what friction does against that it does not
+do against sliding. Both share one cone, of a patch that rubs at an arm about its middle.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import math
 from ..compiling import compiled, inlined
 from ..drive.fields import Array
 from .arrays import (
+    A_CONTACT,
     DAMPING,
     FREE,
     FRICTION,
@@ -23,6 +27,7 @@ from .arrays import (
     REACH,
     ROWS,
     STIFFNESS,
+    TURNING,
     UPPER,
     Motion,
     Tree,
@@ -36,6 +41,7 @@ ROUNDS = 60  #: of the search for impulses, at most
 STILL_M_S = 1e-7  #: change of a contact's speed in one round below which the search ends
 # terms of rows
 TARGET, SOFT, SPEED, IMPULSE, RUB = 0, 1, 2, 3, 4
+NORMALLY = 3  #: row of a contact, after those of sliding along x and y and of turning
 
 
 @inlined
@@ -64,22 +70,28 @@ def lowest(tree: Tree, work: Work, p: int, out: Array) -> None:
 
 @inlined
 def touch_rows(tree: Tree, work: Work, b: int, at: Array, row: int) -> None:
-    """Three rows of how a body's place moves with all dofs: along x, y and z."""
-    for i in range(3):
+    """Four rows of how a body's place moves with all dofs: along x, y, about z, along z.
+
+    That about z is of where its patch rubs, so that it is a length as well.
+    """
+    arm = tree.bodies[TURNING, b]
+    for i in range(A_CONTACT):
         for j in range(work.rows.shape[1]):
             work.rows[row + i, j] = 0.0
-        work.rows[row + i, 3 + i] = 1.0
+    work.rows[row, 3] = work.rows[row + 1, 4] = work.rows[row + 3, 5] = 1.0
+    work.rows[row + 2, 2] = arm
     x, y, z = at[0], at[1], at[2]
     # a turn w moves it by w x at
     work.rows[row, 1], work.rows[row, 2] = z, -y
     work.rows[row + 1, 0], work.rows[row + 1, 2] = -z, x
-    work.rows[row + 2, 0], work.rows[row + 2, 1] = y, -x
+    work.rows[row + 3, 0], work.rows[row + 3, 1] = y, -x
     k = b
     while k > 0:
         s, j = work.screws[k], FREE + k - 1
         work.rows[row, j] = s[3] + s[1] * z - s[2] * y
         work.rows[row + 1, j] = s[4] + s[2] * x - s[0] * z
-        work.rows[row + 2, j] = s[5] + s[0] * y - s[1] * x
+        work.rows[row + 2, j] = arm * s[2]
+        work.rows[row + 3, j] = s[5] + s[0] * y - s[1] * x
         k = tree.parent[k]
 
 
@@ -103,11 +115,14 @@ def gather(tree: Tree, motion: Motion, work: Work, pace: Array, step_s: float, f
     for p in range(len(tree.owner)):
         b = tree.owner[p]
         if not free or motion.origin[2] + work.places[b, 2] > tree.bodies[REACH, b] + NEAR_M:
+            for i in range(A_CONTACT):
+                motion.impulse[i, p] = 0.0
             continue
         lowest(tree, work, p, at)
         gap = motion.origin[2] + at[2]
-        if gap > NEAR_M or count + 3 > ROWS:
-            motion.impulse[0, p] = motion.impulse[1, p] = motion.impulse[2, p] = 0.0
+        if gap > NEAR_M or count + A_CONTACT > ROWS:
+            for i in range(A_CONTACT):
+                motion.impulse[i, p] = 0.0
             continue
         touch_rows(tree, work, b, at, count)
         stiff, damp = tree.bodies[STIFFNESS, b], tree.bodies[DAMPING, b]
@@ -115,14 +130,14 @@ def gather(tree: Tree, motion: Motion, work: Work, pace: Array, step_s: float, f
         if stiff < math.inf:
             back = step_s * stiff / (step_s * stiff + damp)
             soft = 1.0 / (step_s * (step_s * stiff + damp))
-        terms[TARGET, count + 2] = -gap / step_s * (1.0 if gap > 0.0 else back)
-        terms[SOFT, count + 2] = soft
-        for i in range(3):
+        terms[TARGET, count + NORMALLY] = -gap / step_s * (1.0 if gap > 0.0 else back)
+        terms[SOFT, count + NORMALLY] = soft
+        terms[RUB, count] = tree.bodies[FRICTION, b]
+        for i in range(A_CONTACT):
             terms[SPEED, count + i] = speed_of(work, count + i, pace)
             terms[IMPULSE, count + i] = motion.impulse[i, p]
-            terms[RUB, count + i] = tree.bodies[FRICTION, b]
             work.which[count + i] = p
-        count += 3
+        count += A_CONTACT
     for b in range(1, len(tree.parent)):
         under = motion.angle[b] - tree.bodies[LOWER, b]
         over = tree.bodies[UPPER, b] - motion.angle[b]
@@ -177,7 +192,7 @@ def press(work: Work, count: int) -> None:
         r = 0
         while r < count:
             contact = work.which[r] >= 0
-            n = r + 2 if contact else r
+            n = r + NORMALLY if contact else r
             soft, was = terms[SOFT, n], terms[IMPULSE, n]
             miss = terms[TARGET, n] - moved_by(work, count, n) - soft * was
             now = max(0.0, was + miss / (coupling[n, n] + soft))
@@ -194,21 +209,22 @@ def press(work: Work, count: int) -> None:
 def rub(work: Work, count: int, r: int, limit: float) -> float:
     """Friction of one contact, no more than its limit [N s]; the speed that changes by it."""
     terms, coupling = work.terms, work.coupling
-    x, y = terms[IMPULSE, r], terms[IMPULSE, r + 1]
+    x, y, s = terms[IMPULSE, r], terms[IMPULSE, r + 1], terms[IMPULSE, r + 2]
     a, b, c = coupling[r, r], coupling[r, r + 1], coupling[r + 1, r + 1]
-    u, v = moved_by(work, count, r), moved_by(work, count, r + 1)
-    d = a * c - b * b
+    u, v, w = moved_by(work, count, r), moved_by(work, count, r + 1), moved_by(work, count, r + 2)
+    d, e = a * c - b * b, coupling[r + 2, r + 2]
     p, q = x - (c * u - b * v) / d, y - (a * v - b * u) / d
-    size = math.sqrt(p * p + q * q)
+    t = s - w / e if e > 0.0 else 0.0
+    size = math.sqrt(p * p + q * q + t * t)
     if size > limit:
-        # along what slides: a step down the slope, back into the cone
-        most = max(a, c)
-        p, q = x - u / most, y - v / most
-        size = math.sqrt(p * p + q * q)
+        # it slides or turns: a step down the slope, and back into the cone
+        most = max(a, c, e)
+        p, q, t = x - u / most, y - v / most, s - w / most
+        size = math.sqrt(p * p + q * q + t * t)
         if size > limit:
-            p, q = p * limit / size, q * limit / size
-    terms[IMPULSE, r], terms[IMPULSE, r + 1] = p, q
-    changed: float = max(abs(p - x) * a, abs(q - y) * c)
+            p, q, t = p * limit / size, q * limit / size, t * limit / size
+    terms[IMPULSE, r], terms[IMPULSE, r + 1], terms[IMPULSE, r + 2] = p, q, t
+    changed: float = max(abs(p - x) * a, abs(q - y) * c, abs(t - s) * e)
     return changed
 
 
@@ -228,5 +244,5 @@ def pass_on(tree: Tree, motion: Motion, work: Work, count: int) -> None:
 
 @inlined
 def first_of(work: Work, r: int) -> int:
-    """The first row of a row's contact; contacts are before stops, three rows each."""
-    return r - r % 3
+    """The first row of a row's contact; contacts come before stops."""
+    return r - r % A_CONTACT

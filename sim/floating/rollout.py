@@ -22,7 +22,7 @@ from .arrays import FREE, Motion, Tree, Work
 from .arrays import motion as still
 from .arrays import tree as tree_of
 from .arrays import work as room
-from .contact import couple, gather, pass_on, press
+from .contact import NORMALLY, couple, gather, pass_on, press
 from .dynamics import bias_forces, factor, mass_matrix, place_bodies, solve_down, solve_up
 
 #: of a look at a robot: the trunk's place, its frame row by row, the mean voltage
@@ -264,4 +264,4 @@ def look(tree: Tree, motion: Motion, arrays: Arrays, out: Array, pressed: Array)
     for b in range(len(pressed)):
         pressed[b] = 0.0
     for p in range(len(tree.owner)):
-        pressed[tree.owner[p]] += motion.impulse[2, p]
+        pressed[tree.owner[p]] += motion.impulse[NORMALLY, p]

@@ -34,6 +34,7 @@ ZERO_WITHIN = 4.0
 ZERO = "zero"  #: first word of a nuisance of one joint's zero
 LATE = "late"  #: nuisance of when commands act, beside what replays take for that
 TIPS = "tips"  #: nuisance of feet that are not rigid
+TURNING = "turning"  #: nuisance of how feet rub that turn on their spot
 TIP_KG = 0.07  #: on a tip that touches the ground, for its damping; assumed: a tibia's share
 
 Change = Callable[[PhysicalRobot, float], PhysicalRobot]
@@ -175,6 +176,12 @@ def _tips(robot: PhysicalRobot, x: float) -> PhysicalRobot:
     return robot
 
 
+def _turning(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    feet = [replace(g.foot, turning_m=max(0.0, (1.0 + x) * g.foot.turning_m)) for g in robot.legs]
+    legs = [replace(leg, foot=foot) for leg, foot in zip(robot.legs, feet, strict=True)]
+    return replace(robot, legs=tuple(legs))
+
+
 def _of_each_leg(robot: PhysicalRobot, name: str) -> tuple[str, ...]:
     return tuple(f"{name}@{leg.name}" for leg in robot.legs)
 
@@ -309,6 +316,7 @@ COMMON = {
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
     LATE: ("s", 0.001, "a host's adapter; assumed"),
     "grip": ("(ratio)", 0.30 / ROOT3, "friction of a floor +-30 %; assumed"),
+    TURNING: ("(ratio)", 0.5, "a foot turns on a point, or on all of its width; assumed"),
     "motors": ("(ratio)", 0.10 / ROOT3, "motors of one make: +-10 %"),
     STALL: ("(ratio)", 0.06, "whether a stall torque is told with friction or before it; assumed"),
     "gears": ("(ratio)", 0.15, "friction of one make, warm or cold; assumed"),
@@ -368,4 +376,5 @@ def _changes(robot: PhysicalRobot) -> list[Trial]:
     found.append(Trial(LATE, 0.002, later, one_way=True))
     found.append(Trial(TIPS, 2e-5, _tips, one_way=True))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
+    found.append(Trial(TURNING, 0.5, _turning))
     return found
