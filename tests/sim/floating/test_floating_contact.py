@@ -14,7 +14,20 @@ from busemu.plant import DriveCommand
 from busemu.tables import Robot
 from sim.drive.bank import command_column
 from sim.entries import PhysicsError
-from sim.floating.rollout import Rolled, Start, rollout
+from sim.floating.arrays import (
+    BODIES,
+    FRICTION,
+    INERTIA,
+    MASS,
+    POINTS,
+    REACH,
+    STIFFNESS,
+    TURNING,
+    Tree,
+    motion,
+    work,
+)
+from sim.floating.rollout import Rolled, Start, rollout, step
 from sim.robot import read_physics
 from sim.stepped import TICK_S
 from sim.tree import GRAVITY_M_S2, Ground, PhysicalRobot
@@ -188,3 +201,42 @@ def test_a_held_robot_does_what_the_engine_makes_of_it(
         assert np.ptp(engine, axis=0).max() > 0.15
         ours = rollout(physical, start, still, np.array(events), ticks, EVERY, steps).angle_rad
         assert np.sqrt(np.mean((ours - engine) ** 2)) < 1e-4
+
+
+def puck(rub: float, arm_m: float) -> Tree:
+    """A puck of 1 kg on one foot in the middle, that cannot topple."""
+    bodies = np.zeros((BODIES, 1))
+    bodies[MASS] = 1.0
+    bodies[INERTIA : INERTIA + 3, 0] = 1e6, 1e6, 2e-4
+    bodies[FRICTION], bodies[STIFFNESS], bodies[TURNING] = rub, math.inf, arm_m
+    bodies[REACH] = 1.0
+    point = np.zeros((POINTS, 1))
+    none = np.array([-1])
+    return Tree(bodies, none, none, point, np.array([0]), np.array([0.0, 0.0, -GRAVITY_M_S2]))
+
+
+def moved(of: Tree, sliding_m_s: float, turning_rad_s: float, steps: int) -> np.ndarray:
+    """Speeds of a puck after some steps of a tenth of a millisecond."""
+    now, room = motion(of), work(of)
+    now.pace[2], now.pace[3] = turning_rad_s, sliding_m_s
+    for _ in range(steps):
+        step(of, now, room, np.zeros(0), 1e-4, True)
+    return now.pace
+
+
+def test_a_foot_that_turns_on_its_spot_is_stopped_by_all_of_its_patch() -> None:
+    rub, arm = 0.4, 0.003
+    slower = rub * GRAVITY_M_S2 * arm / 2e-4  # rad/s^2
+    assert moved(puck(rub, arm), 0.0, 30.0, 1000)[2] == pytest.approx(30.0 - 0.1 * slower, rel=1e-6)
+    assert moved(puck(rub, arm), 0.0, 3.0, 1000)[2] == pytest.approx(0.0, abs=1e-6)
+    assert moved(puck(rub, 0.0), 0.0, 30.0, 1000)[2] == 30.0
+
+
+@pytest.mark.parametrize("sliding", [0.03, 0.09, 0.3])
+def test_a_foot_that_turns_slides_the_easier(sliding: float) -> None:
+    rub, arm, turning = 0.4, 0.003, 30.0
+    share = sliding / math.hypot(sliding, arm * turning)  # of friction, against the way it slides
+    lost = sliding - moved(puck(rub, arm), sliding, turning, 1)[3]
+    assert lost == pytest.approx(1e-4 * rub * GRAVITY_M_S2 * share, rel=0.01)
+    still = sliding - moved(puck(rub, arm), sliding, 0.0, 1)[3]
+    assert still == pytest.approx(1e-4 * rub * GRAVITY_M_S2, rel=1e-6)
