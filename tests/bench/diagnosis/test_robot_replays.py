@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,8 +29,16 @@ def plain():
     return play(believed(), walked())
 
 
-def test_a_replay_of_the_same_robot_leaves_little_more_than_rounding(plain):
+def on_points(robot):
+    """The robot as PyBullet has it, whose feet turn freely."""
+    feet = [replace(leg.foot, turning_m=0.0) for leg in robot.legs]
+    legs = [replace(leg, foot=foot) for leg, foot in zip(robot.legs, feet, strict=True)]
+    return replace(robot, legs=tuple(legs))
+
+
+def test_a_replay_of_the_same_robot_leaves_little_more_than_rounding():
     told = walked()
+    plain = play(on_points(believed()), told)
     seen = list(enumerate(told.sample_s))
     apart = np.concatenate([told.position_rad[j] - plain.at(j, t) for j, t in seen])
     # what is not told is when within its turn a servo looked: as far as the nuisance allows
