@@ -21,7 +21,7 @@ Integers = NDArray[np.int64]
 
 FREE = 6  #: dofs of the trunk
 A_CONTACT = 4  #: rows of a contact
-ROWS = 96  #: of contacts and of joints at their stops (one each), at most, in one step
+ROWS = 256  #: of contacts and of joints at their stops (one each), at most, in one step
 
 # --- bodies[field, body]
 MASS = 0  #: [kg]
@@ -84,7 +84,8 @@ class Work(NamedTuple):
     push: Array  #: forces, then accelerations (dofs,)
     rows: Array  #: of contacts, each by the factor's inverse (ROWS, dofs)
     coupling: Array  #: of rows (ROWS, ROWS)
-    terms: Array  #: of rows: target speed, softness, free speed, impulse, friction (5, ROWS)
+    terms: Array  #: of rows: target speed, softness, free speed, impulse; of contacts
+    #: friction and how much more stiffly they would have to be held to slide no more (6, ROWS)
     which: Integers  #: point of a row's contact, or its body's joint's stop as -1 - body (ROWS,)
 
 
@@ -182,6 +183,6 @@ def work(of: Tree) -> Work:
         np.zeros(dofs),
         np.zeros((ROWS, dofs)),
         np.zeros((ROWS, ROWS)),
-        np.zeros((5, ROWS)),
+        np.zeros((6, ROWS)),
         np.zeros(ROWS, np.int64),
     )

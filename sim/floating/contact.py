@@ -37,10 +37,13 @@ from .dynamics import above, solve_down
 
 NEAR_M = 0.002  #: above the ground, from which a point is looked at; a step is a tenth of it
 GIVE_BACK = 0.2  #: share of a depth in rigid ground that a step gives back; as Bullet does
-ROUNDS = 60  #: of the search for impulses, at most
-STILL_M_S = 1e-7  #: change of a contact's speed in one round below which the search ends
+ROUNDS = 20  #: of the search for impulses, at most
+TRIES = 6  #: of the search for a contact's friction in one round
+CLOSE = 1e-6  #: share by which friction may be more than its limit
+NONE = 1e-12  #: share of a contact's coupling that is none: a foot on a point turns freely
+STILL_M_S = 1e-6  #: change of a contact's speed in one round below which the search ends
 # terms of rows
-TARGET, SOFT, SPEED, IMPULSE, RUB = 0, 1, 2, 3, 4
+TARGET, SOFT, SPEED, IMPULSE, RUB, SLIDES = 0, 1, 2, 3, 4, 5
 NORMALLY = 3  #: row of a contact, after those of sliding along x and y and of turning
 
 
@@ -132,7 +135,7 @@ def gather(tree: Tree, motion: Motion, work: Work, pace: Array, step_s: float, f
             soft = 1.0 / (step_s * (step_s * stiff + damp))
         terms[TARGET, count + NORMALLY] = -gap / step_s * (1.0 if gap > 0.0 else back)
         terms[SOFT, count + NORMALLY] = soft
-        terms[RUB, count] = tree.bodies[FRICTION, b]
+        terms[RUB, count], terms[SLIDES, count] = tree.bodies[FRICTION, b], 0.0
         for i in range(A_CONTACT):
             terms[SPEED, count + i] = speed_of(work, count + i, pace)
             terms[IMPULSE, count + i] = motion.impulse[i, p]
@@ -207,24 +210,48 @@ def press(work: Work, count: int) -> None:
 
 @inlined
 def rub(work: Work, count: int, r: int, limit: float) -> float:
-    """Friction of one contact, no more than its limit [N s]; the speed that changes by it."""
+    """Friction of one contact, no more than its limit [N s]; the speed that changes by it.
+
+    It stops what slides and turns if it can. If not it is as large as it may be and against where
+    the contact goes then: the impulse ``l`` with ``(A + m) l = -v``, ``A`` the contact's own
+    coupling, ``v`` its speed without it, and the ``m`` of 0 or more that makes it so large (J. J.
+    More and D. C. Sorensen, Computing a trust region step, 1983).
+    """
     terms, coupling = work.terms, work.coupling
-    x, y, s = terms[IMPULSE, r], terms[IMPULSE, r + 1], terms[IMPULSE, r + 2]
-    a, b, c = coupling[r, r], coupling[r, r + 1], coupling[r + 1, r + 1]
-    u, v, w = moved_by(work, count, r), moved_by(work, count, r + 1), moved_by(work, count, r + 2)
-    d, e = a * c - b * b, coupling[r + 2, r + 2]
-    p, q = x - (c * u - b * v) / d, y - (a * v - b * u) / d
-    t = s - w / e if e > 0.0 else 0.0
-    size = math.sqrt(p * p + q * q + t * t)
-    if size > limit:
-        # it slides or turns: a step down the slope, and back into the cone
-        most = max(a, c, e)
-        p, q, t = x - u / most, y - v / most, s - w / most
-        size = math.sqrt(p * p + q * q + t * t)
-        if size > limit:
-            p, q, t = p * limit / size, q * limit / size, t * limit / size
-    terms[IMPULSE, r], terms[IMPULSE, r + 1], terms[IMPULSE, r + 2] = p, q, t
-    changed: float = max(abs(p - x) * a, abs(q - y) * c, abs(t - s) * e)
+    x, y, z = terms[IMPULSE, r], terms[IMPULSE, r + 1], terms[IMPULSE, r + 2]
+    a, b, c = coupling[r, r], coupling[r + 1, r], coupling[r + 2, r]
+    d, e, f = coupling[r + 1, r + 1], coupling[r + 2, r + 1], coupling[r + 2, r + 2]
+    u = moved_by(work, count, r) - (a * x + b * y + c * z)
+    v = moved_by(work, count, r + 1) - (b * x + d * y + e * z)
+    w = moved_by(work, count, r + 2) - (c * x + e * y + f * z)
+    none = NONE * (a + d)
+    p, q, s, m = 0.0, 0.0, 0.0, max(none, terms[SLIDES, r])
+    for _ in range(TRIES if limit > 0.0 else 0):
+        # A + m is L L'; the impulse, and by how much it falls as m grows
+        l00 = math.sqrt(a + m)
+        l10, l20 = b / l00, c / l00
+        l11 = math.sqrt(d + m - l10 * l10)
+        l21 = (e - l20 * l10) / l11
+        l22 = math.sqrt(f + m - l20 * l20 - l21 * l21)
+        g = -u / l00
+        h = (-v - l10 * g) / l11
+        k = (-w - l20 * g - l21 * h) / l22
+        s = k / l22
+        q = (h - l21 * s) / l11
+        p = (g - l10 * q - l20 * s) / l00
+        size = math.sqrt(p * p + q * q + s * s)
+        if abs(size - limit) < CLOSE * limit or (size < limit and m == none):
+            break
+        g = p / l00
+        h = (q - l10 * g) / l11
+        k = (s - l20 * g - l21 * h) / l22
+        m = max(none, m + size * size / (g * g + h * h + k * k) * (size / limit - 1.0))
+    size = math.sqrt(p * p + q * q + s * s)
+    if size > limit > 0.0:
+        p, q, s = p * limit / size, q * limit / size, s * limit / size
+    terms[SLIDES, r] = m
+    terms[IMPULSE, r], terms[IMPULSE, r + 1], terms[IMPULSE, r + 2] = p, q, s
+    changed: float = max(abs(p - x) * a, abs(q - y) * d, abs(s - z) * f)
     return changed
 
 
