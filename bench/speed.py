@@ -26,8 +26,8 @@ from busemu.timing import load_profile
 from hal.bus_errors import BusError
 from sim.world import BulletPlant
 
+from . import replay_speed, rollout_speed
 from .figures.tables import aligned
-from .rollout_speed import measured
 from .running import Steering, in_process, on_port, walk_in
 
 Row = list[str]
@@ -181,10 +181,9 @@ def walks() -> list[Row]:
 
 
 def rollouts() -> list[Row]:
-    """What-ifs of one joint in a batch, against the same one by one."""
-    return [
-        _row(what, here_s * US, floor_s * US, "us", of) for what, here_s, floor_s, of in measured()
-    ]
+    """What-ifs of one joint in a batch, against the same one by one, and those of a whole robot."""
+    every = [*rollout_speed.measured(), *replay_speed.measured()]
+    return [_row(what, here_s * US, floor_s * US, "us", of) for what, here_s, floor_s, of in every]
 
 
 def codecs() -> list[Row]:

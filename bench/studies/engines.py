@@ -1,7 +1,7 @@
 """How far two engines are apart when a robot walks as its file says, and nothing is hidden in it.
 
-A walk on MuJoCo, replayed in PyBullet: what the joints differ by over the gait's phase is the
-engines' and their contacts' doing, and must not be called physics.
+A walk on MuJoCo, replayed as every diagnosis does it: what the joints differ by over the gait's
+phase is the engines' and their contacts' doing, and must not be called physics.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def engines_figure(found: Mapping[str, Apart]) -> Figure:
                     half = 0.5 / mine.sum()
                     for x in phase[features.stance[mine]]:
                         axes.axvspan(x - half, x + half, color=STANCE, linewidth=0, zorder=0)
-        grid[row, 0].set_ylabel(f"{one.robot}\nMuJoCo - PyBullet [mrad]")
+        grid[row, 0].set_ylabel(f"{one.robot}\nMuJoCo - replay [mrad]")
     for axes in grid[-1]:
         axes.set_xlabel("phase")
         axes.set_xlim(0.0, 1.0)
