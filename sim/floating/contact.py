@@ -230,9 +230,9 @@ def rub(work: Work, count: int, r: int, limit: float) -> float:
         # A + m is L L'; the impulse, and by how much it falls as m grows
         l00 = math.sqrt(a + m)
         l10, l20 = b / l00, c / l00
-        l11 = math.sqrt(d + m - l10 * l10)
+        l11 = math.sqrt(max(none, d + m - l10 * l10))
         l21 = (e - l20 * l10) / l11
-        l22 = math.sqrt(f + m - l20 * l20 - l21 * l21)
+        l22 = math.sqrt(max(none, f + m - l20 * l20 - l21 * l21))
         g = -u / l00
         h = (-v - l10 * g) / l11
         k = (-w - l20 * g - l21 * h) / l22

@@ -14,6 +14,7 @@ from ..drive.bank import DriveBank
 from ..drive.fields import VOLTAGE, Array, Arrays
 from ..drive.kernel import move
 from ..drive.parameters import pack
+from ..entries import PhysicsError
 from ..shapes import Vector
 from ..stability import LARGEST, stiffness_number, too_stiff
 from ..stepped import TICK_S
@@ -75,7 +76,7 @@ def rollout(
     ``commands`` (fields, joints) are the drives' at first, ``events`` (n, 4), in order: tick from
     which it holds, joint, field of :mod:`sim.drive.fields`, value. Steps are as many a tick as the
     gears ask for, if not given. Raises :class:`sim.entries.PhysicsError` for a gear too stiff for
-    any step.
+    any step, or joints that move without bounds.
     """
     tree = tree_of(robot)
     motion, work = still(tree), room(tree)
@@ -105,6 +106,8 @@ def rollout(
         *(tree, motion, work, bank.arrays, mount, joints, np.zeros_like(joints), events),
         *(TICK_S, steps, SUBSTEPS, every, not start.held, angles, looks, pressed),
     )
+    if not np.isfinite(angles).all():
+        raise PhysicsError(f"{robot.name}: its joints move without bounds; look at its drives")
     names = ("trunk", *(body.name for body in robot.bodies))
     return Rolled(
         angles,

@@ -163,6 +163,13 @@ def test_gears_too_stiff_for_any_step_are_refused(robot: Robot) -> None:
         standing(robot, replace(plain, joints=joints))
 
 
+def test_joints_that_nobody_can_follow_are_refused(robot: Robot) -> None:
+    physical = read_physics(robot)
+    endless = replace(physical, supply=replace(physical.supply, voltage_v=math.inf))
+    with pytest.raises(PhysicsError, match="move without bounds"):
+        standing(robot, endless, 0.1)
+
+
 def test_a_held_robot_does_what_the_engine_makes_of_it(
     robot: Robot, make: Callable[..., BulletPlant]
 ) -> None:
