@@ -23,7 +23,7 @@ RUN = "run.json"
 ANSWER = "diagnosis.json"
 MOST_S = 3600.0  #: a diagnosis that takes longer is none
 #: folders in which compiled functions are kept; a confined process may add to them
-COMPILED = ("sim", "sim/drive", "bench/diagnosis")
+COMPILED = ("sim", "sim/drive", "sim/floating", "bench/diagnosis")
 PACKAGES = ("busemu", "hal", "sim", "bench")
 
 

@@ -16,7 +16,7 @@ from sim.tree import Joint, PhysicalRobot
 from ..joint.nuisances import PUNCH, STALL
 from ..result import Estimate as Found
 from .effects import Placed
-from .nuisances import LATE, TIPS, RobotNuisance, later, tip_of
+from .nuisances import LATE, TIPS, TURNING, RobotNuisance, later, tip_of, turning
 
 FRICTION, GEARS = "friction", "gears"  #: nuisances of one joint's friction, and of that of all
 #: nuisances as effects, by the first word of their names: the effect and its parameter
@@ -77,7 +77,7 @@ def of_nuisances(
 ) -> list[Addition]:
     """What is never exactly as believed, as it was fitted: what belongs to the robot itself.
 
-    Instants of sampling, roundings and the ground's tilt do not.
+    Instants of sampling, roundings, the ground's tilt and how feet turn on it do not.
     """
     values = {n.name: x * n.deviation for n, x in zip(nuisances, z, strict=False) if x != 0.0}
     made = []
@@ -106,12 +106,15 @@ def where_recorded(
 ) -> PhysicalRobot:
     """The robot in the room and at the host of its recordings, which are in no robot's file.
 
-    That is ground as it was fitted, and goals that act sooner than replays take them to.
+    That is ground as it was fitted, how feet rub that turn on it, and goals that act sooner than
+    replays take them to.
     """
     robot = with_all(robot, of_room(nuisances, z))
     for nuisance, x in zip(nuisances, z, strict=False):
         if nuisance.name == LATE and x < 0.0:
             robot = later(robot, x * nuisance.deviation)
+        elif nuisance.name == TURNING:
+            robot = turning(robot, x * nuisance.deviation)
     return robot
 
 

@@ -176,7 +176,8 @@ def _tips(robot: PhysicalRobot, x: float) -> PhysicalRobot:
     return robot
 
 
-def _turning(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+def turning(robot: PhysicalRobot, x: float) -> PhysicalRobot:
+    """The robot whose feet rub so much more than believed where they turn (a share of that)."""
     feet = [replace(g.foot, turning_m=max(0.0, (1.0 + x) * g.foot.turning_m)) for g in robot.legs]
     legs = [replace(leg, foot=foot) for leg, foot in zip(robot.legs, feet, strict=True)]
     return replace(robot, legs=tuple(legs))
@@ -376,5 +377,5 @@ def _changes(robot: PhysicalRobot) -> list[Trial]:
     found.append(Trial(LATE, 0.002, later, one_way=True))
     found.append(Trial(TIPS, 2e-5, _tips, one_way=True))
     found.append(Trial("grip", 0.15, _of_effect("foot_slip", "scale", (), over=1.0)))
-    found.append(Trial(TURNING, 0.5, _turning))
+    found.append(Trial(TURNING, 0.5, turning))
     return found

@@ -23,7 +23,7 @@ from sim.model import read_model
 
 TOLD = "fitted to recordings walk-1"
 #: nuisances of the reading or of the room: no robot's file has them
-NOT_THE_ROBOTS = ("reading", "sampling", "turn", "tilt")
+NOT_THE_ROBOTS = ("reading", "sampling", "turn", "tilt", "turning")
 
 
 def every():
