@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,22 +23,13 @@ from sim.stepped import TICK_S
 from sim.tree import PhysicalRobot
 from sim.world import BulletPlant
 
+from .rollout_speed import command
+
 SECONDS, RISEN_S = 4.0, 2.0
 GOAL_TICKS = 20  #: between two goals
 LIFT_RAD, PERIOD_S = 0.25, 1.0
-GAIN_PER_RAD = 5.0
+LIMIT_RAD_S = 3.0
 EVERY = 10
-
-
-def command(goal_rad: float) -> DriveCommand:
-    """A position law with a goal."""
-    return DriveCommand(
-        torque_enable=True,
-        goal_position_rad=goal_rad,
-        gain_cw_per_rad=GAIN_PER_RAD,
-        gain_ccw_per_rad=GAIN_PER_RAD,
-        velocity_limit_rad_s=3.0,
-    )
 
 
 def goals(robot: Robot, physical: PhysicalRobot) -> Iterator[tuple[int, int, int, DriveCommand]]:
@@ -54,7 +46,9 @@ def goals(robot: Robot, physical: PhysicalRobot) -> Iterator[tuple[int, int, int
             goal = physical.neutral_rad[joint.segment]
             if joint.segment == "femur" and angle > 0.0:
                 goal += LIFT_RAD * max(0.0, math.sin(turn))
-            yield tick, number, joint.servo_id, command(mounts[joint.name].to_servo(goal))
+            told = command(mounts[joint.name].to_servo(goal))
+            limited = replace(told, velocity_limit_rad_s=LIMIT_RAD_S)
+            yield tick, number, joint.servo_id, limited
 
 
 def compiled(robot: Robot) -> tuple[Array, float]:

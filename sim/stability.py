@@ -38,15 +38,6 @@ def stiffness_number(params: Array, inverse_mass: Array, step_s: float) -> float
     return float(np.linalg.eigvalsh(0.5 * (symmetric + symmetric.T))[-1])
 
 
-def too_stiff(number: float, step_s: float, where: str, gear: str = "") -> PhysicsError:
-    """The error for a stiffness number beyond :data:`LARGEST`; ``gear``: which."""
-    return PhysicsError(
-        f"{where}: {gear or 'gear_stiffness_nm_rad and gear_damping_nm_s_rad'} too high for these "
-        f"links at a step of {step_s * 1e3:g} ms: k h^2/I + c h/I is {number:.3g}, at most "
-        f"{LARGEST:g} is allowed; soften the gear, or hang more on the joint"
-    )
-
-
 def bearable(
     drives: Mapping[str, DriveParameters],
     inverse_masses: Sequence[Array],
@@ -67,7 +58,11 @@ def bearable(
             return steps, number
     worst = inverse_masses[numbers.index(number)]
     gear = _stiffest(params, worst, step_s, number, tuple(drives))
-    raise too_stiff(number, step_s, where, gear)
+    raise PhysicsError(
+        f"{where}: {gear} too high for these links at a step of {step_s * 1e3:g} ms: "
+        f"k h^2/I + c h/I is {number:.3g}, at most {LARGEST:g} is allowed; soften the gear, or "
+        "hang more on the joint"
+    )
 
 
 def _stiffest(

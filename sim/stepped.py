@@ -28,6 +28,8 @@ from .watch import WATCH_S, Contacts, Event, Watch
 TICK_S = (
     0.001  #: period of the servo's control interrupt; source: measured on AX-12+ (ROBOTIS forum)
 )
+STEPS_PER_TICK = (1, 2, 4, 8)  #: the first that is stable; a plain hexapod takes the first of all
+SUBSTEPS = 10  #: of the rotors within a step
 LATE = list(fields.GOALS)  #: of a command's column, what comes late by the drive's delay
 PROMPT = [field for field in range(fields.COMMANDS) if field not in fields.GOALS]
 ON_GRID = 1e-6  #: share of a grid's spacing within which an instant counts as on the grid

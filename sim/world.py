@@ -26,7 +26,7 @@ from .observer import Camera, Frame, forces_seen, lean_rad, pose_seen
 from .quiet import quiet_stderr
 from .scene import Push, Scene, Slab, read_scene
 from .stability import bearable
-from .stepped import TICK_S, SteppedPlant
+from .stepped import STEPS_PER_TICK, SUBSTEPS, TICK_S, SteppedPlant
 from .tree import Ground, PhysicalRobot
 from .urdf import urdf
 from .watch import Contacts
@@ -36,8 +36,6 @@ with quiet_stderr():  # it announces its build time
 
 Pixels = NDArray[np.uint8]
 
-STEPS_PER_TICK = (1, 2, 4, 8)  #: the first that is stable; a plain hexapod takes the first of all
-SUBSTEPS = 10  #: of the rotors within a step
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 LIGHT = (0.6, -0.5, 1.6)  #: where the light of pictures comes from
 FLOOR_M = 0.6  #: half the side of the ground that pictures show

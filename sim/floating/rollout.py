@@ -13,11 +13,10 @@ from ..compiling import compiled
 from ..drive.bank import DriveBank
 from ..drive.fields import VOLTAGE, Array, Arrays
 from ..drive.kernel import move
-from ..drive.parameters import pack
 from ..entries import PhysicsError
 from ..shapes import Vector
-from ..stability import LARGEST, stiffness_number, too_stiff
-from ..stepped import TICK_S
+from ..stability import bearable
+from ..stepped import STEPS_PER_TICK, SUBSTEPS, TICK_S
 from ..tree import PhysicalRobot
 from .arrays import FREE, Motion, Tree, Work
 from .arrays import motion as still
@@ -28,8 +27,6 @@ from .dynamics import bias_forces, factor, mass_matrix, place_bodies, solve_down
 
 #: of a look at a robot: the trunk's place, its frame row by row, the mean voltage
 PLACE, FRAME, VOLTS, LOOK = slice(0, 3), slice(3, 12), 12, 13
-STEPS_PER_TICK = (1, 2, 4, 8)  #: the first that is stable; a plain hexapod takes the first of all
-SUBSTEPS = 10  #: of the rotors within a step
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +85,7 @@ def rollout(
     mount = np.array(
         [[float(j.direction) for j in robot.joints], [j.zero_rad for j in robot.joints]]
     )
-    steps = steps_per_tick or bearable_steps(robot, start)
+    steps = steps_per_tick or _steps(robot, start)
     bank = DriveBank(
         [joint.drive for joint in robot.joints],
         (joints[0] - mount[1]) * mount[0],
@@ -137,16 +134,11 @@ def inverse_mass(robot: PhysicalRobot, joints_rad: Mapping[str, float], *, held:
     return np.asarray(np.linalg.inv(of_joints)[np.ix_(rows, rows)])
 
 
-def bearable_steps(robot: PhysicalRobot, start: Start) -> int:
-    """How many steps a tick must be for the gears of a robot. Raises ``PhysicsError``."""
+def _steps(robot: PhysicalRobot, start: Start) -> int:
+    """How many steps a tick must be for the gears of a robot as it starts."""
     inverse = inverse_mass(robot, start.joints_rad, held=start.held)
-    params = pack([joint.drive for joint in robot.joints])
-    number = 0.0
-    for steps in STEPS_PER_TICK:
-        number = stiffness_number(params, inverse, TICK_S / steps)
-        if number <= LARGEST:
-            return steps
-    raise too_stiff(number, TICK_S / STEPS_PER_TICK[-1], robot.name)
+    drives = {joint.name: joint.drive for joint in robot.joints}
+    return bearable(drives, [inverse], TICK_S, STEPS_PER_TICK, robot.name)[0]
 
 
 def _turn(yaw_rad: float) -> Array:
