@@ -6,7 +6,8 @@ other until none changes (projected Gauss and Seidel). A spring and a damper act
 the step, so that any stiffness is stable.
 
 No foot is a point: one that turns on its spot rubs, and what friction does against that it does not
-do against sliding. Both share one cone, of a patch that rubs at an arm about its middle.
+do against sliding. Both share one cone, of a patch that rubs at an arm about its middle. Nothing
+bounces: a file's ``restitution`` is for PyBullet alone.
 """
 
 from __future__ import annotations

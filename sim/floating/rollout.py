@@ -255,7 +255,7 @@ def look(tree: Tree, motion: Motion, arrays: Arrays, out: Array, pressed: Array)
     total = 0.0
     for i in range(arrays.states.shape[1]):
         total += arrays.states[VOLTAGE, i]
-    out[12] = total / arrays.states.shape[1]
+    out[VOLTS] = total / arrays.states.shape[1]
     for b in range(len(pressed)):
         pressed[b] = 0.0
     for p in range(len(tree.owner)):

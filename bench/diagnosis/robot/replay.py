@@ -315,10 +315,8 @@ def _events(robot: PhysicalRobot, course: Course, from_s: float) -> Floats:
 def _as_sensed(robot: PhysicalRobot, joint_rad: Floats) -> Floats:
     """What the servos' sensors make of the joints' angles, in the joints' frame."""
     params = pack([joint.drive for joint in robot.joints])
-    sign, zero = (
-        np.array([float(j.direction) for j in robot.joints]),
-        np.array([j.zero_rad for j in robot.joints]),
-    )
+    sign = np.array([float(j.direction) for j in robot.joints])
+    zero = np.array([j.zero_rad for j in robot.joints])
     wave = params[fields.WAVE] * np.sin(
         params[fields.WAVE_PERIODS] * (joint_rad - zero) * sign + params[fields.WAVE_PHASE]
     )
