@@ -16,7 +16,7 @@ from bench.diagnosis.robot.nuisances import (
     trials,
     with_nuisances,
 )
-from bench.diagnosis.robot.replay import LATE_S, Jitter, _acts_s, course, loaded, play
+from bench.diagnosis.robot.replay import LATE_S, Jitter, _acts_s, _events, course, loaded, play
 from bench.recording import Recording, RecordingError
 from sim.drive import fields
 from sim.stepped import TICK_S
@@ -151,13 +151,32 @@ def test_a_joints_own_nuisance_is_on_that_joint_alone():
     assert own == ["leg2.femur"]
 
 
-@pytest.mark.parametrize("late_s", [0.01, -0.001])
+@pytest.mark.parametrize("late_s", [0.01, -0.001, 0.0004])
 def test_a_goal_that_comes_late_moves_a_robot_later_and_one_that_comes_soon_sooner(plain, late_s):
     track = play(later(believed(), late_s), walked())
     features = Features.of(walked(), marvin())
     moved = features.of_track(track)[0] - features.of_track(plain)[0]
     speed, _ = features.speeds(plain)
     assert -(speed @ moved) / (speed @ speed) == pytest.approx(late_s, rel=0.3)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.0002, 0.0007, 0.0031])
+def test_laws_have_a_goal_half_a_tick_late_on_a_mean_whenever_it_acts(late_s):
+    robot, told = later(believed(), late_s), walked()
+    events = _events(robot, told, 0.0)
+    for j, goal in ((0, fields.GOAL_POSITION), (7, fields.GOAL_POSITION)):
+        own = told.events[(told.events[:, 1] == j) & (told.events[:, 2] == goal)]
+        seen = events[(events[:, 1] == j) & (events[:, 2] == goal)]
+        ticks = np.arange(own[-1, 0] / TICK_S + 10)
+        held = np.searchsorted(seen[:, 0], ticks, side="right") - 1
+        wanted = np.where(held < 0, told.start[goal, j], seen[np.maximum(held, 0), 3])
+        # what a law has had of its goal in all, and what it has of one that acts at its time
+        acts = (_acts_s(own, [late_s] * len(robot.joints)) + LATE_S) / TICK_S + 0.5
+        steps = np.diff(np.concatenate([[told.start[goal, j]], own[:, 3]]))
+        whole = ticks[-1] + 1.0 - acts
+        start = told.start[goal, j] * len(ticks)
+        assert wanted.sum() == pytest.approx(start + steps @ whole, abs=1e-6)
+        assert wanted[-1] == own[-1, 3]
 
 
 def test_no_goal_acts_before_it_is_sent():
