@@ -24,9 +24,6 @@ WIDENED = 3  #: times at most that a curve is made longer for a fit
 SHARES = (1.0, 0.6, 0.3, 0.1)  #: of the way that a fit would go, of which the best is gone
 SETTLED = 3  #: times at most that exact replays and a fit take turns
 REFINED = 3  #: times at most that what nuisances do is taken anew where a fit has led
-#: times that priors count, where it is asked whether a robot within its tolerances leaves no more
-#: than noise: as gains are divided by their inflation, which is 2.6 to 5 on legs
-FIRM = 4.0
 #: times what traces and curves lead to that fits may gain beyond it in further rounds. Of 56 tries
 #: in three opened cases (both robots) none gained more than 0.9 times
 AGAIN = 1.0
@@ -140,21 +137,6 @@ class ExactFits:
             if settled.cost > before - WORTH:
                 break
         return settled
-
-    def firmly(self, found: RobotFit) -> RobotFit:
-        """The fit that goes on from another one while priors count more, told as any other.
-
-        All recordings tell the same of tolerances, and what engines differ by with it, so that a
-        likelihood sends them to their ends for less than noise. Nor is the way so long then, and
-        fits may come deeper.
-        """
-        self.sight.firm = FIRM
-        try:
-            self.around(found)
-            firm = self.settle(self.fitted(found.names, found.z, None))
-        finally:
-            self.sight.firm = 1.0
-        return self.replayed(firm)
 
     def around(self, found: RobotFit) -> None:
         """Let the model be exact at a fit, and know what nuisances do there."""

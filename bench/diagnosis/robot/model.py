@@ -170,11 +170,11 @@ class RobotModel:
     def _variance(self, r: int) -> Rows:
         """What each row scatters by itself: turns of the gait, starts, counts of what stands."""
         (outcome,) = self.replays.run([Job(r)])
-        spread = self.spread[self.motion[r]]
-        features = self.features[r]
+        spread, features = self.spread[self.motion[r]], self.features[r]
         own = outcome.scatter_rad2 + features.rounding_rad2 + spread[RobotKind.JOINTS]
-        apart = own - self._chance[r].lasting
-        return spread | {RobotKind.JOINTS: apart, RobotKind.DUTY: features.regulated.extra}
+        own -= self._chance[r].lasting
+        alike = self.motion.count(self.motion[r])  # of which each shows the same counts
+        return spread | {RobotKind.JOINTS: own, RobotKind.DUTY: alike * features.regulated.extra}
 
     def retrace(self, settings: Sequence[tuple[str, float]], z: Floats) -> None:
         """Take what nuisances and knobs do from replays around them where a fit has led.

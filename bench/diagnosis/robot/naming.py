@@ -67,7 +67,7 @@ class Naming:
         Play comes first since means over the phase of a robot that rattles mislead. A robot that
         stands up, and one that hunts on springs, are looked at where nothing rattles.
         """
-        base = begun = self.held.firm(self.search.believed(), self.tell)
+        base = begun = self.search.believed()
         shaker = self._shaker(base, without)
         if shaker is not None:
             # what rattles leaves much that no name explains: one search is enough

@@ -52,7 +52,8 @@ class Regulated:
     A row is the mean duty, in the direction in which the joint's law pushes, over a refresh before
     the instants at which its load was read. ``recorded`` is NaN where loads tell nothing. ``extra``
     is the variance of what rounding of angles leaves of it, which is one number as long as a joint
-    shows one count, and of duties within a refresh.
+    shows one count, and of duties within a refresh. What these always do is one number as well, as
+    loads may be new at the same instant of every cycle.
     """
 
     batch: Batch
@@ -111,7 +112,8 @@ class Regulated:
                     shown = np.round(self.sensed_rad[k][some] / course.quantum_rad)
                     runs = 1 + int(np.count_nonzero(np.diff(shown)))
                     rounding = float(np.mean(step[some]) ** 2) / 12.0 / runs
-                    extra[row] = rounding + float(np.mean(swing[some])) / len(some)
+                    always = float(np.median(swing[some]))
+                    extra[row] = rounding + always + float(np.mean(swing[some])) / len(some)
         return replace(self, parts=tuple(parts), recorded=recorded, extra=extra)
 
     def rows(self, robot: PhysicalRobot) -> Floats:

@@ -26,8 +26,7 @@ from ..noise import Block, Noise, huber, huber_weight, whiten
 from ..result import Cause, Estimate
 from .causes import ENGINES_SHARE, rivals_of, scope_of
 from .effects import EVERYWHERE
-from .exact import FIRM
-from .fit import RobotFit
+from .fit import FIRM, RobotFit
 from .gains import RobotGain
 from .model import Progress, RobotModel
 from .nuisances import READ

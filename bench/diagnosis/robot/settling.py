@@ -114,19 +114,6 @@ class RobotJudges:
         """Whether a fit is far from leaving no more than noise."""
         return self.over_noise(found, self.which) > FAR * FITTED
 
-    def firm(self, base: RobotFit, say: Progress) -> RobotFit:
-        """What the operator believes, with tolerances held more firmly, where that is consistent.
-
-        A robot that leaves no more than noise with its tolerances well inside is as believed,
-        however much less than noise another one leaves with more of them at their ends. Where there
-        is none, or where ``base`` is consistent or far from it: ``base`` itself.
-        """
-        if self.consistent(base) or self.far(base):
-            return base
-        say("fitting what the operator believes, tolerances held firmly")
-        firm = self.search.firmly(base)
-        return firm if self.consistent(firm) else base
-
     def quiet(self, base: RobotFit) -> bool:
         """Whether no more than noise is left, wherever tolerances have gone for that."""
         if self.volts_denied(base) or self.duties_denied(base):

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.noise import Block, huber_weight
-from bench.diagnosis.robot.exact import FIRM, ExactFits
 from bench.diagnosis.robot.features import RobotKind
-from bench.diagnosis.robot.fit import Sight
+from bench.diagnosis.robot.fit import FIRM, Sight
 from bench.diagnosis.robot.nuisances import RobotNuisance
-from bench.diagnosis.watch import OutOfTimeError
 
 ROWS, NUISANCES = 400, 3
 NOISE_RAD = 1e-3
@@ -162,51 +160,26 @@ def test_a_knob_that_is_known_from_elsewhere_is_held_and_nuisances_fit_beside_it
     assert believed[3, 3] < 1e-6
 
 
-def test_priors_that_count_more_hold_tolerances_nearer_to_what_is_believed():
+def test_priors_hold_tolerances_by_as_much_as_they_count(monkeypatch):
     seen = sight(Pretended([1.5, 0.0, 0.0], 0.0, noise_rad=0.1))
     plain = seen.fit()
-    seen.firm = 100.0
+    monkeypatch.setattr("bench.diagnosis.robot.fit.FIRM", 25.0 * FIRM)
     firm = seen.fit()
     assert np.sum(firm.z**2) < 0.5 * np.sum(plain.z**2)
     residual, jacobian = seen.linearised((), firm.z, firm.noise)
     likelihood = jacobian.T @ (huber_weight(residual) * residual)
-    assert likelihood == pytest.approx(-100.0 * firm.z, rel=0.02), "data and priors are at balance"
+    balance = pytest.approx(-25.0 * FIRM * firm.z, rel=0.02)
+    assert likelihood == balance, "data and priors are at balance"
     told = seen.at(firm).cost
-    seen.firm = 1.0
+    monkeypatch.undo()
     as_usual = seen.at(firm)
-    assert told - as_usual.cost == pytest.approx(0.5 * 99.0 * np.sum(firm.z**2))
+    assert told - as_usual.cost == pytest.approx(0.5 * 24.0 * FIRM * np.sum(firm.z**2))
     assert as_usual.cost > plain.cost
 
 
-class Firmly(ExactFits):
-    """Fits that remember how firmly priors were held."""
-
-    def __init__(self, fails=False):
-        self.sight, self.fails, self.held = SimpleNamespace(firm=1.0), fails, []
-
-    def around(self, found):
-        self.held.append(("around", self.sight.firm))
-
-    def fitted(self, names, start, noise):
-        if self.fails:
-            raise OutOfTimeError("in between")
-        self.held.append(("fitted", self.sight.firm))
-        return "fitted"
-
-    def settle(self, found, begun=None):
-        self.held.append(("settled", self.sight.firm))
-        return found
-
-    def replayed(self, found):
-        self.held.append(("replayed", self.sight.firm))
-        return found
-
-
-def test_a_fit_with_firmer_priors_is_told_as_any_other():
-    fits, start = Firmly(), SimpleNamespace(names=(), z=np.zeros(2))
-    assert fits.firmly(start) == "fitted"
-    assert fits.held == [("around", FIRM), ("fitted", FIRM), ("settled", FIRM), ("replayed", 1.0)]
-    late = Firmly(fails=True)
-    with pytest.raises(OutOfTimeError):
-        late.firmly(start)
-    assert late.sight.firm == 1.0
+@pytest.mark.parametrize(("noise_rad", "low", "high"), [(1.0, 0.95, 1.02), (1e-3, 0.0, 0.01)])
+def test_a_number_that_nothing_shows_is_as_unsure_as_its_prior_has_it(noise_rad, low, high):
+    """However often priors count where fits are made."""
+    seen = sight(Pretended([0.0, 0.0, 0.0], 0.0, noise_rad))
+    _, shown = seen.covariances(seen.fit())
+    assert low < shown[0, 0] < high

@@ -66,7 +66,6 @@ def answering(monkeypatch, *, play=None, springs=None, weak=None, denies=False, 
     named = Named(replaced(LOOSE if play else AS_BELIEVED), [], AS_BELIEVED, [])
     made = naming(
         rattling={"denies": lambda after: denies, "bears_out": lambda after: bears_out},
-        firm=lambda base, tell: base,
         without=lambda base, after, name: AS_BELIEVED,
     )
     made.search.believed = lambda: AS_BELIEVED

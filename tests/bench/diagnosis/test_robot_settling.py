@@ -273,27 +273,6 @@ def test_in_vain_was_what_was_fitted_to_the_end_and_gained_nothing_in_any_step()
     assert RobotFindings(BASE, BASE, (), steps, {}, ()).in_vain == {"tilt"}
 
 
-@pytest.mark.parametrize(
-    ("share", "tolerances", "firmly", "taken"),
-    [
-        (0.9, (2.0, 0.0, -2.0, 0.0), (1.0, 0.0, -2.0, 0.0), True),
-        (0.9, (2.0, 0.0, -2.0, 0.0), (2.0, 1.0, -2.0, 0.0), False),  # no fewer at their ends
-        (1.5, (0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), False),  # more than noise all the same
-        (0.9, (2.0, 0.0, 0.0, 0.0), None, False),  # as believed already
-        (1.1 * FAR, (2.0, 0.0, -2.0, 0.0), None, False),  # far from it
-    ],
-)
-def test_a_robot_is_as_believed_if_tolerances_that_are_held_more_firmly_leave_no_more_than_noise(
-    share, tolerances, firmly, taken
-):
-    left = {0: rms(share * FITTED), 1: rms(share * FITTED), 2: rms(0.9 * JUDGED)}
-    found, asked = judges(left), []
-    base, firm = taken_as(*tolerances), None if firmly is None else taken_as(*firmly)
-    found.search.firmly = lambda fit: asked.append(fit) or firm
-    assert found.firm(base, lambda _: None) is (firm if taken else base)
-    assert asked == ([] if firm is None else [base])
-
-
 def test_two_at_their_ends_among_many_that_are_near_stand_in_for_nothing():
     many = [
         RobotNuisance(f"mass {k}", "(ratio)", 1.0, "", reach=2.0, same=("x",)) for k in range(15)
