@@ -216,10 +216,15 @@ def test_what_promises_most_and_what_stands_for_a_tolerance_is_tried():
     assert search.said[:1] == ["effect0@all"]
 
 
+def every(some):
+    """Names of gains, so that all of them are tried."""
+    return {gain.name for gain in some}
+
+
 def test_what_was_not_fitted_to_the_end_is_as_far_behind_the_best_as_it_was_before():
     some = gains(*(60.0 - 10.0 * k for k in range(BEST + 1)))
     more = {some[0].fit.names: 5.0}
-    taken, _, found = chosen(Exact({}, refined=more), some)
+    taken, _, found = chosen(Exact({}, refined=more), some, named=every(some))
     assert taken.nats >= 65.0
     assert found[BEST].nats == pytest.approx(taken.nats - 10.0 * BEST)
 
@@ -330,7 +335,7 @@ def test_an_exchange_that_time_runs_out_in_changes_nothing():
 def test_the_best_few_are_compared_by_what_is_ordinary_beside_each_of_them():
     some = gains(*(30.0 - k for k in range(BEST + 1)))
     more = {gain.fit.names: 10.0 * k for k, gain in enumerate(some)}
-    taken = holding(Exact({}, refined=more), some)
+    taken, *_ = chosen(Exact({}, refined=more), some, named=every(some))
     assert taken.name == f"effect{BEST - 1}@all"
     assert taken.nats >= 30.0 + 9.0 * (BEST - 1)
 
@@ -445,12 +450,13 @@ def test_what_was_found_far_away_is_not_looked_for_there_again():
 
 
 def reasons(search, some, now=None):
-    return [gain.because for gain in chosen(search, some, now)[2]]
+    return [gain.because for gain in chosen(search, some, now, named=every(some))[2]]
 
 
 def test_what_is_not_taken_is_told_why():
     better = "another one did better"
-    assert reasons(Exact({}), gains(30.0, 20.0, 10.0)) == ["", better, BEHIND]
+    some = gains(*(60.0 - 10.0 * k for k in range(BEST + 1)))
+    assert reasons(Exact({}), some) == ["", *[better] * (BEST - 1), BEHIND]
     few = "less than the 7 nats that a name needs"
     assert reasons(Exact({}), gains(0.9 * NEEDED)) == [few]
     beside = f"less than the {BESIDE:.0f} nats that a name needs beside what is named"
