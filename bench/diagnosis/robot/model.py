@@ -28,7 +28,7 @@ from .features import APART_S, Features, RobotKind, by_kind, first_of, shown_by
 from .leaning import AXES, nearest, turned
 from .nuisances import RobotNuisance, nuisances, replayable, trials
 from .pool import Job, Outcome, Replays
-from .regulated import DUTY_FLOOR
+from .regulated import DUTY_FLOOR, with_loads
 from .replay import Course
 from .shaking import ENGINES_SHAKING
 from .spread import of_starts, of_tolerances
@@ -173,7 +173,7 @@ class RobotModel:
         spread, features = self.spread[self.motion[r]], self.features[r]
         own = outcome.scatter_rad2 + features.rounding_rad2 + spread[RobotKind.JOINTS]
         own -= self._chance[r].lasting
-        alike = self.motion.count(self.motion[r])  # of which each shows the same counts
+        alike = with_loads(self.features, self._repeated, r)  # each of which shows the same counts
         return spread | {RobotKind.JOINTS: own, RobotKind.DUTY: alike * features.regulated.extra}
 
     def retrace(self, settings: Sequence[tuple[str, float]], z: Floats) -> None:

@@ -8,7 +8,7 @@ register holds is up to a refresh old.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ from ..noise import Block
 from .replay import Course
 
 if TYPE_CHECKING:
+    from .features import Features
     from .model import RobotModel
 
 Floats = NDArray[np.float64]
@@ -136,6 +137,16 @@ class Regulated:
         every = [Candidate.of(robot, j, NOTHING, rigid=True) for j in self.joints]
         sensed = [angles + more_rad for angles in self.sensed_rad]
         return self.batch.regulate(every, range(len(every)), sensed)
+
+
+def with_loads(features: Sequence[Features], repeated: Sequence[int], r: int) -> int:
+    """How many recordings with loads repeat what one does, that one among them.
+
+    ``repeated`` has the first of its repeats for each of them.
+    """
+    loads = [bool(np.isfinite(each.regulated.recorded).any()) for each in features]
+    pairs = zip(repeated, loads, strict=True)
+    return max(1, sum(told and first == repeated[r] for first, told in pairs))
 
 
 def _levels(push: Floats, apart: float) -> tuple[NDArray[np.bool_], ...]:

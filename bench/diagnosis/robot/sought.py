@@ -17,6 +17,7 @@ SPRINGS = frozenset(
 
 #: limits that are looked for likewise, from the middle one of their levels: femurs carry the robot
 LIMITS = frozenset({"torque_limit@all", "torque_limit@femur"})
+LIMIT = "torque_limit@"  #: and of whole legs, where these stand out
 
 LITTLE = 0.5  #: of much of a spring, below which much is tried as well
 
@@ -53,7 +54,8 @@ class Sought:
         """Springs and limits among some names, from where a robot feels them."""
         tries = sight.model.curves.tries
         springs = {name: tries(name)[-1] for name in sorted(SPRINGS.intersection(names))}
-        levels = {name: sight.model.placed[name].levels for name in LIMITS.intersection(names)}
+        limited = LIMITS | {LIMIT + leg.name for leg in sight.model.base.legs}
+        levels = {name: sight.model.placed[name].levels for name in limited.intersection(names)}
         limits = {name: some[len(some) // 2] for name, some in levels.items()}
         pairs = [
             Pair((spring, tips), (springs[spring], SOFT * sight.model.curves.first_z(tips)))

@@ -319,7 +319,8 @@ def test_the_noise_of_duties_is_that_of_rounding(model):
     assert sight.noise(blocks)[RobotKind.DUTY].total == DUTY_FLOOR
     known = np.isfinite(model.recorded(0, RobotKind.DUTY))
     own = Features.of(seen(), load_robot("marvin")).regulated.extra
-    assert blocks[0, RobotKind.DUTY].extra == pytest.approx(own[known])
+    # two of three repeats have loads, and rounding is the same in both
+    assert blocks[0, RobotKind.DUTY].extra == pytest.approx(2.0 * own[known])
     assert (own[known] > 0.0).all()
 
 
