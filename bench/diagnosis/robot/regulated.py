@@ -146,7 +146,7 @@ def with_loads(features: Sequence[Features], repeated: Sequence[int], r: int) ->
     """
     loads = [bool(np.isfinite(each.regulated.recorded).any()) for each in features]
     pairs = zip(repeated, loads, strict=True)
-    return max(1, sum(told and first == repeated[r] for first, told in pairs))
+    return sum(told and first == repeated[r] for first, told in pairs)
 
 
 def _levels(push: Floats, apart: float) -> tuple[NDArray[np.bool_], ...]:

@@ -18,7 +18,7 @@ from sim.drive.parameters import pack
 from sim.floating.rollout import Start, rollout
 from sim.model import read_model
 from sim.observer import pose_seen
-from sim.stepped import TICK_S
+from sim.stepped import ON_GRID, TICK_S
 from sim.tree import SEGMENTS, PhysicalRobot
 
 from ..commands import drive_commands
@@ -39,7 +39,6 @@ HELD_HEIGHT_M = 0.5  #: of a trunk held in the air
 LEAST_SAMPLES = 20  #: positions below which a joint tells nothing
 #: from a command's last byte at the host to the servo that has it; assumed of a USB adapter
 LATE_S = 0.0015
-ON_TIME = 1e-6  #: ticks by which rounding of a time may make it seem earlier than its tick
 SETTLE_S = 1.0  #: in which a replay that begins in the middle of a course only settles; assumed
 
 
@@ -317,12 +316,12 @@ def _events(robot: PhysicalRobot, course: Course, from_s: float) -> Floats:
     at = (_acts_s(course.events, delays) + LATE_S - from_s) / TICK_S
     goals = np.isin(field, fields.GOALS)
     at[goals] -= 0.5
-    due = np.floor(at + ON_TIME) + 1.0
+    due = np.floor(at + ON_GRID) + 1.0
     share = np.where(goals, np.minimum(due - at, 1.0), 1.0)  # of its tick in which it is wanted
     first = value + (1.0 - share) * (_before(course) - value)
     row = np.arange(len(value))
     told = np.column_stack([due, joint, field, first, row])
-    then = np.column_stack([due + 1.0, joint, field, value, row])[share < 1.0 - ON_TIME]
+    then = np.column_stack([due + 1.0, joint, field, value, row])[share < 1.0 - ON_GRID]
     every = np.concatenate([told, then])
     ordered: Floats = every[np.lexsort((every[:, 4], every[:, 0])), :4]
     return ordered
