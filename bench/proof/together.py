@@ -18,7 +18,17 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from .scoring import AT_1, AT_3, LEFT_1, LEFT_3, Row, median, share
+from .scoring import (
+    AT_1,
+    AT_3,
+    LEFT_1,
+    LEFT_3,
+    Row,
+    calibration_error,
+    median,
+    share,
+    statistic,
+)
 from .table import COLUMNS
 
 Case = dict[str, str]
@@ -76,6 +86,9 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "nulls that have a name": share(bool(c["labels"]) for c in nulls),
         "names said that are true": share(label != "wrong" for label in names),
         "confidently wrong": _flags(cases, "certain_and_wrong"),
+        "calibration error of stated probabilities": statistic(
+            [np.array(stated(c)).reshape(-1, 2) for c in cases], calibration_error
+        ),
         "intervals that hold the truth": share(within for c in cases for within in held(c)),
         "phase right, where one is told": share(c["told_phase"] == c["true_phase"] for c in told),
         "share of stance that is told, off by (median)": median(
@@ -107,6 +120,13 @@ def held(case: Case) -> Iterator[bool]:
         name, _, true = word.partition("=")
         if (found := shown.get(name)) and "none" not in (found["low"], found["high"]):
             yield float(found["low"]) <= float(true) <= float(found["high"])
+
+
+def stated(case: Case) -> list[tuple[float, bool]]:
+    """Of every name its probability and whether it is true."""
+    chances = [float(named.rpartition(":")[2]) for named in case["named"].split()]
+    labels = case["labels"].split()
+    return [(chance, label != "wrong") for chance, label in zip(chances, labels, strict=True)]
 
 
 def page(cases: Sequence[Case]) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +32,11 @@ SHOWN_BY = {
     "gain_error": {RobotKind.VOLTAGE, RobotKind.DUTY},
     "supply_voltage": {RobotKind.VOLTAGE},
 }
+#: how often names are true, by their very effect, that would be said with so much: of 88 names of
+#: eighteen opened proofs 70 would have been said with 0.25 to 0.9, evenly, and 55 of them are true,
+#: however little; all 18 with more. Nobody has seen what is true of those with less
+SAID = (0.0, 0.25, 0.9, 1.0)
+TRUE = (0.0, 0.7, 0.9, 1.0)
 #: springs in series under every foot: joints see their sum. What of it a fit prefers hangs on the
 #: damping that the catalogue assumes of each
 SERIES = {
@@ -105,6 +111,18 @@ def rivals_of(
         if nats < CLOSE
     ]
     return own, sorted(close, key=lambda rival: rival.behind_nats)
+
+
+def as_measured(cause: Cause) -> Cause:
+    """A cause with a probability as often true as names said with it; its rivals share the rest.
+
+    What likelihoods and their rivals say is too modest: fits of one hypothesis end far apart, and
+    more than that decides which of two is named.
+    """
+    probability = float(np.interp(cause.probability, SAID, TRUE))
+    left = (1.0 - probability) / (1.0 - cause.probability) if cause.probability < 1.0 else 1.0
+    rivals = (replace(r, probability=left * r.probability) for r in cause.indistinguishable_from)
+    return replace(cause, probability=probability, indistinguishable_from=tuple(rivals))
 
 
 def close_rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> list[RobotGain]:

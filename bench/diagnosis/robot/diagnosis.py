@@ -15,7 +15,7 @@ from sim.model import Addition, read_model
 
 from ..journal import Journal
 from ..result import Cause, Diagnosis, Estimate, FitSummary, NextExperiment, beside_rest, verdict_of
-from .causes import cause_of, close_rivals
+from .causes import as_measured, cause_of, close_rivals
 from .channels import channels, ranking
 from .features import RobotKind
 from .fit import RobotFit
@@ -125,6 +125,7 @@ class Work:
             placed = model.placed[one.gain.name]
             extra += of_causes([(placed, one.cause.parameters)], self.told)
             beside.append((one.gain, one.cause.shown_by))
+        causes = [as_measured(cause) for cause in causes]
         base = answer.base
         found = replace(found, base=base) if beside else found
         shaken, shook = self.rattling.more(whole), self.rattling.left(base, self.judges)

@@ -155,23 +155,21 @@ class Naming:
         return named._replace(taken=kept, after=after)
 
     def named(self, base: RobotFit, without: frozenset[str], again: bool) -> Named:
-        """What :meth:`searched` gives, where more than noise is left.
+        """What :meth:`searched` gives; of what is consistent without a name there is one search.
 
-        Else no more than what stands for tolerances at their ends, if there is time for that. Where
-        a robot stands, chance drags zeros to their ends, and no joint's zero is named.
+        Where such a robot stands there is none: chance moves it, and likelihoods follow that. Nor
+        is the zero of any joint named where robots stand, as chance drags zeros to their ends.
         """
-        if self.held.stands:
-            without |= SINGLE
         if not self.held.consistent(base):
-            return self.searched(base, without, again)
-        found = self.search.nothing(base)
-        if self.held.at_ends(base):
-            with suppress(OutOfTimeError):
-                found = self.search.beyond(base, without)
-        taken, after, rejected = self.held.kept(found, self.tell)
-        if not taken:  # what was consistent is so, wherever else fits without a name have led
-            found, after = replace(found, base=base, fit=base, taken=()), base
-        return Named(found, taken, after, rejected)
+            return self.searched(base, without | SINGLE if self.held.stands else without, again)
+        found, rejected = self.search.nothing(base), list[Mapping[str, Any]]()
+        with suppress(OutOfTimeError):
+            if not self.held.stands:
+                found, taken, after, rejected = self.searched(base, without, again=False)
+                if taken:
+                    return Named(found, taken, after, rejected)
+        # what was consistent is so, wherever else fits without a name have led
+        return Named(replace(found, base=base, fit=base, taken=()), [], base, rejected)
 
     def searched(self, base: RobotFit, without: frozenset[str], again: bool) -> Named:
         """What a search found, the names that hold, the fit with them, and those taken back.

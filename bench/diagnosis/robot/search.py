@@ -24,7 +24,7 @@ from .fit import ENOUGH, RobotFit
 from .gains import HOPELESS, NEEDED, RobotFindings, RobotGain
 from .screen import Screen, stretched, worth_fitting
 from .sought import Pair, Sought
-from .steps import BESIDE, WORSE, Steps
+from .steps import BESIDE, Steps, much_worse
 
 Floats = NDArray[np.float64]
 MOST = 3  #: effects that are taken
@@ -60,8 +60,8 @@ class RobotSearch(Steps):
         """Search among placed effects, of legs only where legs stand out.
 
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
-        believes if that was fitted. Of a fit that is ``done`` nothing more is asked, and pairs of
-        one that is ``far`` from what was recorded.
+        believes if that was fitted. Beside a fit that is ``done`` nothing is tried but what had
+        gained in place of what it has; and pairs where it is ``far`` from what was recorded.
         """
         model = self.model
         base = base or self.believed()
@@ -70,9 +70,8 @@ class RobotSearch(Steps):
         looked = self._worth_looking(first, stretched(model.nuisances, base.nuisances))
         wanted = [name for name in looked if not model.placed[name].left_out(without)]
         self._say(f"replaying {len(wanted)} effects")
-        ranking = first.rank(wanted)
+        ranking, now = first.rank(wanted), base
         screened = tuple(ranking)
-        now = base
         taken: list[RobotGain] = []
         tried: list[tuple[RobotGain, ...]] = []
         alone: list[tuple[RobotGain, ...]] = []  # that a pair was better than: in place of none
@@ -99,9 +98,12 @@ class RobotSearch(Steps):
                 if pair:
                     now, taken, alone = pair[-1].fit, pair, tried
                     tried = [(pair[0],), (pair[1],)]
-                if now is bare or len(taken) >= most or done(now):
+                over = done(now)
+                sought = sought.rivals(now) if over else sought
+                if now is bare or len(taken) >= most or (over and not sought.at):
                     break
-                ranking = self.screen(now).rank(n for n in wanted if n not in now.names)
+                left = [] if over else [name for name in wanted if name not in now.names]
+                ranking = self.screen(now).rank(left)
             now, taken, tried = self._exchanged(now, taken, tried)
             now, taken, tried = self._united(now, taken, tried)
         except OutOfTimeError:
@@ -113,25 +115,6 @@ class RobotSearch(Steps):
         now = now if pruned is now else self.settle(pruned)
         now, taken = self._standing(base, now, taken)
         return RobotFindings(base, now, tuple(taken), (*tried, *alone), alike, screened)
-
-    def beyond(self, base: RobotFit, without: Collection[str] = ()) -> RobotFindings:
-        """What stands for tolerances at their ends, of a robot that is otherwise as believed.
-
-        ``without`` are effects of the catalogue that are left out.
-        """
-        model = self.model
-        far = stretched(model.nuisances, base.nuisances)
-        names = {name for name in far if not model.placed[name].left_out(without)}
-        if not names:
-            return self.nothing(base)
-        self.around(base)
-        screen = self.screen(base)
-        ranking = screen.rank(sorted(names))
-        chosen, now, tried = self._chosen(base, self._step(ranking, base, 0), names)
-        if chosen is None:
-            return RobotFindings(now, now, (), (tried,), {}, tuple(ranking))
-        alike = {chosen.name: self._alike(screen, chosen, tried, sorted(names))}
-        return RobotFindings(now, chosen.fit, (chosen,), (tried,), alike, tuple(ranking))
 
     def _sought(self, names: Collection[str]) -> Sought:
         return Sought.much(self.sight, names)
@@ -172,7 +155,7 @@ class RobotSearch(Steps):
                 refined = self.refined(begun)
             fit = self.replayed(refined)
             gains = [self._of_pair(name, fit, tried) for name in pair.names]
-            worse = self._whole_square(fit) > WORSE * self._whole_square(now)
+            worse = much_worse(self._whole_square(fit), self._whole_square(now))
             more = alone.cost - fit.cost
             if worse or any(more < BESIDE * gain.inflation for gain in gains):
                 continue
@@ -334,7 +317,7 @@ class RobotSearch(Steps):
     ) -> tuple[RobotFit, list[RobotGain]]:
         """Effects that together make no whole recording much worse; the last go first."""
         begun = self._whole_square(base) if taken else 0.0
-        while taken and self._whole_square(now) > WORSE * begun:
+        while taken and much_worse(self._whole_square(now), begun):
             *taken, last = taken
             now = self.settle(self.sight.without(now, last.name)) if taken else base
         return now, taken

@@ -23,7 +23,7 @@ from .nuisances import RobotNuisance
 from .regulated import most_off
 from .rest import Rest, rest_of
 from .search import AT_END, RobotSearch
-from .steps import WORSE
+from .steps import BESIDE, much_worse
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
@@ -46,6 +46,7 @@ LITTLE = 0.1  #: share of the misfit above the floor that a name must take away 
 SPOILT = 0.1
 SIZES = (-1.0, -0.5, 0.5, 1.0)  #: of what two engines differ by, that a name is asked for at
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
+FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
 NO_BETTER = "recordings that were not used to fit are no better with it"
 
 
@@ -282,15 +283,20 @@ class RobotJudges:
 
         All together may not make whole recordings, standing up and all, half as bad again. Before
         a name is taken back it is asked for at other sizes, as far as two engines differ about it.
-        Where no more than noise is left without any, each must be more than a tolerance has.
+        Where no more than noise is left without any, each must be more than a tolerance has; of a
+        robot that is consistent it must gain as much as beside another (in one of six nulls an
+        effect gained 9 nats).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
-        for gain in found.taken if taken and self.quiet(found.base) else ():
-            if self.ordinary(now, gain.name):
+        quiet = bool(taken) and self.quiet(found.base)
+        calm = quiet and self.consistent(found.base)
+        for gain in found.taken if quiet else ():
+            faint = calm and gain.counting(found.base) < BESIDE
+            if faint or self.ordinary(now, gain.name):
                 now = self.without(found.base, now, gain.name)
                 taken = [other for other in taken if other is not gain]
-                rejected.append(self._taken_back(gain, ORDINARY))
+                rejected.append(self._taken_back(gain, FAINT if faint else ORDINARY))
         begun = self.samples(found.base).whole if self.held_out and taken else 0.0
         resized: set[str] = set()
         while taken and self.held_out:
@@ -301,7 +307,7 @@ class RobotJudges:
             seen = self.samples(now)
             spare = {name: self._spare(fit, now, seen, least) for name, fit in fits.items()}
             worst = min(taken, key=lambda gain: spare[gain.name])
-            if spare[worst.name] > 0.0 and seen.whole <= WORSE * begun:
+            if spare[worst.name] > 0.0 and not much_worse(seen.whole, begun):
                 break
             if worst.name not in resized:
                 resized.add(worst.name)

@@ -48,6 +48,7 @@ class Sought:
     sight: Sight
     at: Mapping[str, float]
     pairs: tuple[Pair, ...] = ()
+    gained: frozenset[str] = frozenset()  #: of those, what had gained in place of what was taken
 
     @classmethod
     def much(cls, sight: Sight, names: Collection[str]) -> Sought:
@@ -71,7 +72,7 @@ class Sought:
         Much of what is there already at some of the same places is not sought beside it.
         """
         found = [g for g in promised if g.name not in self.at or not self._unpromised(g)]
-        here = {name for name in self.at if any(self._again(name, own) for own in now.names)}
+        here = {name for own in now.names for name in self._here(own)}
         enough = {gain.name for gain in found if not self._little(gain)}
         for name in sorted(self.at.keys() - here - enough):
             fit = replace(now, names=(*now.names, name), z=np.append(now.z, self.at[name]))
@@ -87,15 +88,24 @@ class Sought:
         """What is sought after a step that has fitted so much to the end."""
         hopeless = {gain.name for gain in fitted if gain.nats < -HOPELESS}
         found = {name: z for name, z in self.at.items() if name not in hopeless}
-        for gain in fitted:
-            if gain.name not in SPRINGS and gain.deflated >= NEEDED:
-                found[gain.name] = float(gain.fit.knobs[-1])
-        return replace(self, at=found)
+        enough = [g for g in fitted if g.name not in SPRINGS and g.deflated >= NEEDED]
+        found |= {gain.name: float(gain.fit.knobs[-1]) for gain in enough}
+        gained = (self.gained - hopeless).union(gain.name for gain in enough)
+        return replace(self, at=found, gained=gained)
+
+    def rivals(self, now: RobotFit) -> Sought:
+        """Nothing but what had gained in place of what a fit has, and may be beside that."""
+        rest = self.gained.difference(*(self._here(own) for own in now.names))
+        return replace(self, at={name: self.at[name] for name in sorted(rest)}, pairs=())
 
     def _little(self, gain: RobotGain) -> bool:
         """Whether much less is promised of it than is sought, limits aside."""
         much, promised = self.at.get(gain.name, 0.0), float(gain.fit.knobs[-1])
         return not self._limit(gain.name) and promised * much < LITTLE * much**2
+
+    def _here(self, own: str) -> set[str]:
+        """What is sought that is what a robot has already."""
+        return {name for name in self.at if self._again(name, own)}
 
     def _again(self, name: str, own: str) -> bool:
         """Whether two are one number of one effect, at some joint both."""

@@ -9,10 +9,12 @@ import pytest
 from walking_robots import believed, walked
 
 from bench.diagnosis.joint.rivals import AS_GOOD, CLOSE, TEMPER
+from bench.diagnosis.result import Cause, Rival
 from bench.diagnosis.robot import next as walks
 from bench.diagnosis.robot.causes import (
     ENDS_SHARE,
     ENGINES_SHARE,
+    as_measured,
     cause_of,
     close_rivals,
     number_of,
@@ -114,6 +116,21 @@ def test_what_looks_the_same_but_was_fitted_and_is_far_behind_is_none():
 
 
 GROUND = "ground_compliance@all"
+
+
+@pytest.mark.parametrize(
+    ("own", "told"), [(0.25, 0.7), (0.575, 0.8), (0.9, 0.9), (0.96, 0.96), (1.0, 1.0), (0.1, 0.28)]
+)
+def test_a_probability_is_how_often_names_with_so_much_are_true_and_rivals_share_the_rest(
+    own, told
+):
+    rivals = tuple(
+        Rival(name, (), share * (1.0 - own), 1.0) for name, share in (("a", 0.5), ("b", 0.3))
+    )
+    found = as_measured(Cause("c", (), {}, 9.0, 0.5, own, rivals))
+    assert found.probability == pytest.approx(told)
+    shares = [rival.probability for rival in found.indistinguishable_from]
+    assert shares == pytest.approx([0.5 * (1.0 - told), 0.3 * (1.0 - told)])
 
 
 @pytest.mark.parametrize("names", [(OWN, GROUND), (GROUND, OWN)])

@@ -268,48 +268,45 @@ def test_what_was_found_is_told_whatever_the_time(cut, again):
 
 
 @pytest.mark.parametrize(
-    ("consistent", "at_ends", "cut", "holds", "asked"),
+    ("consistent", "stands", "cut", "holds", "after"),
     [
-        (False, True, False, True, "searched"),
-        (True, True, False, True, "beyond"),
-        (True, True, False, False, "believed"),
-        (True, True, True, True, "believed"),
-        (True, False, False, True, "believed"),
+        (False, False, False, True, "named"),
+        (False, False, False, False, "deeper"),
+        (False, True, False, True, "named"),
+        (True, False, False, True, "named"),
+        (True, False, False, False, "believed"),
+        (True, False, True, True, "believed"),
+        (True, True, False, True, "believed"),
     ],
 )
-def test_where_no_more_than_noise_is_left_only_tolerances_at_their_ends_are_asked(
-    monkeypatch, consistent, at_ends, cut, holds, asked
+def test_what_is_consistent_is_searched_once_where_it_walks_and_stays_so_without_a_name(
+    monkeypatch, consistent, stands, cut, holds, after
 ):
-    """Where no name holds, the fit is the one that was consistent."""
+    """Wherever else fits without a name have led."""
+    asked = []
 
-    def kept(found, say):
-        named = holds and bool(found.taken)
-        return list(found.taken) if named else [], found.fit if named else found.base, ()
-
-    made = naming(
-        consistent=lambda _: consistent,
-        at_ends=lambda _: ["tilt"] if at_ends else [],
-        kept=kept,
-    )
-    monkeypatch.setattr(made, "searched", lambda *_: Named("searched", ["gain"], "searched", ()))
-
-    def beyond(base, without):
+    def searched(base, without, again):
+        asked.append(again)
         if cut:
             late()
-        return RobotFindings("again", "beyond", ("tilt",), (), {}, ())
+        taken = ["tilt"] if holds else []
+        found = RobotFindings("deeper", "named", tuple(taken), (), {}, ())
+        return Named(found, taken, "named" if holds else "deeper", ["a name"])
 
+    made = naming(consistent=lambda _: consistent, stands=stands)
     made.search.nothing = lambda base: RobotFindings(base, base, (), (), {}, ())
-    made.search.beyond = beyond
-    found, taken, after, _ = made.named("believed", frozenset(), True)
-    assert after == asked
-    assert bool(taken) is (asked != "believed")
-    if asked == "believed":
-        assert (found.base, found.fit, found.taken) == ("believed", "believed", ())
+    monkeypatch.setattr(made, "searched", searched)
+    found, taken, fit, rejected = made.named("believed", frozenset(), True)
+    assert asked == ([] if consistent and stands else [not consistent])
+    assert (fit, bool(taken)) == (after, after == "named")
+    assert (found.base, found.fit) == (
+        ("believed", "believed") if fit == "believed" else ("deeper", "named")
+    )
+    assert rejected == ([] if not asked or cut else ["a name"])
 
 
-@pytest.mark.parametrize("consistent", [True, False])
 @pytest.mark.parametrize("stands", [True, False])
-def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands, consistent):
+def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands):
     """There chance drags zeros as far as they may go."""
     asked = []
 
@@ -318,13 +315,8 @@ def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands, consistent):
         return NOTHING
 
     made = naming(
-        consistent=lambda _: consistent,
-        at_ends=lambda _: ["tilt"],
-        kept=lambda found, say: ([], "fit", ()),
-        stands=stands,
+        consistent=lambda _: False, kept=lambda found, say: ([], "fit", ()), stands=stands
     )
-    made.search.nothing = lambda base: NOTHING
-    made.search.beyond = lambda base, without: found(without)
     made.search.run = lambda without, base, done, far: found(without)
     made.named(AS_BELIEVED, frozenset({"punch"}), True)
     assert asked == [{"punch", *(["zero_offset"] if stands else [])}]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.joint.nuisances import SHARE
-from bench.diagnosis.robot import search as robot_search
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.exact import REFINED, SHARES, WORTH, ExactFits
 from bench.diagnosis.robot.fit import RobotFit
@@ -34,7 +33,9 @@ from bench.diagnosis.robot.steps import (
     HINTED,
     PROMISED,
     RIVALS,
+    SOUND_RAD,
     WORSE,
+    much_worse,
 )
 from bench.diagnosis.watch import OutOfTimeError
 from busemu.tables import load_robot
@@ -177,6 +178,17 @@ def test_what_makes_a_whole_recording_worse_is_not_taken_however_much_it_gains()
     for worse, taken in ((0.9, "effect0@all"), (1.1, "effect1@all")):
         search = Exact({("effect0@all",): worse * WORSE})
         assert holding(search, gains(30.0, 20.0)).name == taken
+
+
+@pytest.mark.parametrize(
+    ("square", "begun", "much"),
+    [(1.1, 1.0, False), (1.4, 0.1, False), (1.6, 0.1, True), (2.9, 2.0, False), (3.1, 2.0, True)],
+)
+def test_a_whole_recording_is_much_worse_beyond_what_it_was_and_what_chance_makes(
+    square, begun, much
+):
+    assert (WORSE, SOUND_RAD) == (1.5, 0.0032)
+    assert much_worse(square * SOUND_RAD**2, begun * SOUND_RAD**2) is much
 
 
 def test_half_of_the_truth_may_make_a_whole_recording_worse_meanwhile():
@@ -695,6 +707,8 @@ NOTHING = SimpleNamespace(
     beside=lambda now, gains: gains,
     asked=lambda gains: set(),
     after=lambda fitted: NOTHING,
+    rivals=lambda now: NOTHING,
+    at={},
     pairs=(),
 )
 
@@ -703,7 +717,8 @@ class Stepping(RobotSearch):
     """A search each of whose steps takes an effect, and gains as much as the one before."""
 
     def __init__(self):
-        placed = {f"effect{k}@all": SimpleNamespace(effect=effect(k), levels=()) for k in range(9)}
+        own = {"levels": (), "left_out": lambda without: False}
+        placed = {f"effect{k}@all": SimpleNamespace(effect=effect(k), **own) for k in range(9)}
         self.model = SimpleNamespace(placed=placed, nuisances=[])
         self.steps = []
         self._say = lambda _: None
@@ -749,10 +764,33 @@ def test_of_a_fit_that_is_done_nothing_more_is_asked(enough):
     assert search.steps == list(range(min(enough, 3)))
 
 
+def test_beside_a_fit_that_is_done_nothing_is_tried_but_what_had_gained_in_its_place():
+    search, seen = Stepping(), []
+    chosen = search._chosen
+    rest = SimpleNamespace(**vars(NOTHING))
+    rest.at, rest.after, rest.rivals = {"effect1@all": 1.0}, lambda fitted: rest, lambda now: rest
+    search._sought = lambda names: SimpleNamespace(**vars(NOTHING) | {"after": lambda fitted: rest})
+    search._worth_looking = lambda first, named: ["effect0@all", "effect1@all", "effect2@all"]
+    ranked = []
+    search.screen = lambda now: SimpleNamespace(rank=lambda some: ranked.append(list(some)) or [])
+
+    def twice(now, promised, named):
+        seen.append(now.names)
+        if len(now.names) == 2:
+            return None, now, ()
+        return chosen(now, promised, named)
+
+    search._chosen = twice
+    found = search.run(most=3, base=fit_of(()), done=lambda now: True)
+    assert [gain.name for gain in found.taken] == ["effect0@all", "effect1@all"]
+    assert [len(names) for names in seen] == [0, 1, 2]
+    assert [len(names) for names in ranked] == [3, 0, 0]
+
+
 class Kept:
     """What is sought, by how many steps have been told to it."""
 
-    pairs = ()
+    pairs, at = (), {}
 
     def __init__(self, told=0):
         self.told = told
@@ -789,7 +827,7 @@ def test_what_is_sought_is_tried_at_every_step_as_the_steps_before_have_it():
         (("gain_error",), {"gain_error@all", "gain_error@tibia"}),
     ],
 )
-def test_what_is_left_out_of_the_catalogue_has_no_other_name(monkeypatch, without, gone):
+def test_what_is_left_out_of_the_catalogue_has_no_other_name(without, gone):
     every = placed_effects(read_model(load_robot("marvin")))
     asked = ("payload@all", "link_mass@trunk", "link_mass@tibia", "gain_error@all")
     names = [*asked, "gain_error@tibia"]
@@ -798,10 +836,7 @@ def test_what_is_left_out_of_the_catalogue_has_no_other_name(monkeypatch, withou
     search._worth_looking = lambda first, named: names
     search.screen = lambda now: SimpleNamespace(rank=lambda some: ranked.append(list(some)) or [])
     search.run(most=1, base=fit_of(()), without=without)
-    monkeypatch.setattr(robot_search, "stretched", lambda *_: set(names))
-    search.beyond(fit_of(()), without)
-    left = [name for name in names if name not in gone]
-    assert ranked == [left, sorted(left)]
+    assert ranked == [[name for name in names if name not in gone]]
 
 
 def test_what_is_one_at_two_places_is_told_as_one():

@@ -22,6 +22,7 @@ from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
     DUTIES_OFF,
+    FAINT,
     FAR,
     FITTED,
     JUDGED,
@@ -35,7 +36,7 @@ from bench.diagnosis.robot.settling import (
     RobotJudges,
     Squares,
 )
-from bench.diagnosis.robot.steps import WORSE
+from bench.diagnosis.robot.steps import BESIDE, WORSE
 from busemu.tables import load_robot
 from sim.model import read_model
 
@@ -314,9 +315,14 @@ class Given(RobotJudges):
     costs: ClassVar = {}
     calm: ClassVar = False
     usual: ClassVar = frozenset()
+    counts: ClassVar = 1.1 * BESIDE
+    free: ClassVar = True
 
     def quiet(self, base):
         return self.calm
+
+    def consistent(self, base):
+        return self.calm and self.free
 
     def ordinary(self, now, name):
         return name in self.usual
@@ -357,7 +363,7 @@ def kept(
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
     Given.costs, Given.denied, Given.low = costs or {}, denied or {}, low or {}
-    gains = [SimpleNamespace(name=n, deflated=20.0) for n in names]
+    gains = [SimpleNamespace(name=n, deflated=20.0, counting=lambda _: own.counts) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
     )
@@ -380,6 +386,25 @@ def test_where_no_more_than_noise_is_left_a_name_must_be_more_than_a_tolerance(
     monkeypatch.setattr(Given, "calm", calm)
     monkeypatch.setattr(Given, "usual", {usual})
     assert kept({(): 5.0, ("a",): 1.5}, because=ORDINARY) == tuple(stays)
+
+
+@pytest.mark.parametrize(
+    ("calm", "free", "share", "stays"),
+    [
+        (True, True, 1.1, "a"),
+        (True, True, 0.9, ""),
+        (True, False, 0.9, "a"),
+        (False, True, 0.9, "a"),
+    ],
+)
+def test_of_a_robot_that_is_consistent_a_name_must_gain_as_much_as_beside_another(
+    monkeypatch, calm, free, share, stays
+):
+    """Not of one that leaves no more than noise with tolerances that stand in for something."""
+    monkeypatch.setattr(Given, "calm", calm)
+    monkeypatch.setattr(Given, "free", free)
+    monkeypatch.setattr(Given, "counts", share * BESIDE)
+    assert kept({(): 5.0, ("a",): 1.5}, because=FAINT) == tuple(stays)
 
 
 @pytest.mark.parametrize(

@@ -152,6 +152,16 @@ def test_whatever_had_gained_is_tried_beside_what_was_taken_from_where_it_was():
         assert len(sought.beside(fit("gain_error@leg5"), some)) == expected
 
 
+def test_where_nothing_more_is_asked_only_what_had_gained_and_is_not_there_is_tried():
+    fitted = [gain("link_mass@tibia", 300.0, z=2.0), gain("foot_slip@all", 100.0, z=3.0)]
+    sought = Sought.much(sight(), [*SPRINGS, *LIMITS]).after(fitted)
+    assert sought.at.keys() == {*SPRINGS, *LIMITS, "link_mass@tibia", "foot_slip@all"}
+    assert sought.rivals(fit("link_mass@tibia")).at == {"foot_slip@all": 3.0}
+    assert sought.rivals(fit("link_mass@tibia")).pairs == ()
+    worse = sought.after([replace(fitted[1], nats=-1.1 * HOPELESS)])
+    assert worse.rivals(fit("link_mass@tibia")).at == {}
+
+
 def test_a_centre_of_mass_aside_is_tried_beside_one_fore_or_aft():
     aside, fore = "com_offset.y@trunk", "com_offset.x@trunk"
     sought = Sought(sight(), {}).after([gain(aside, 100.0, z=-2.0)])

@@ -18,7 +18,9 @@ FLAGS = ("first_right", "full_set_right", "certain_and_wrong")
 def case(kind="single", ratio=4.0, verdict="explained", labels="", **more):
     flags = dict.fromkeys(FLAGS, "0") | {"true_phase": "", "told_phase": ""}
     numbers = {"true_parameters": "", "parameters": ""}
+    named = " ".join("an_effect:0.7" for _ in labels.split())
     given = {"kind": kind, "ratio": str(ratio), "verdict": verdict, "labels": labels}
+    given |= {"named": named}
     return flags | numbers | given | {name: str(value) for name, value in more.items()}
 
 
@@ -75,6 +77,15 @@ def test_every_name_counts_and_so_does_what_is_sure_and_wrong():
     ]
     assert counted("names", *few) == (0.75, 4)
     assert counted("confidently", *few) == (pytest.approx(1 / 3), 3)
+
+
+def test_probabilities_are_held_against_what_of_them_is_true():
+    few = [
+        case(labels="hidden wrong", named="gain_error:0.95 backlash:0.35"),
+        case(labels="hidden", named="foot_slip:0.35"),
+        case("null", "nan", "consistent"),
+    ]
+    assert counted("calibration", *few) == (pytest.approx((0.05 + 2 * 0.15) / 3), 3)
 
 
 def test_a_phase_counts_where_one_is_told():
