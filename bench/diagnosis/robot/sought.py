@@ -96,7 +96,7 @@ class Sought:
     def rivals(self, now: RobotFit) -> Sought:
         """Nothing but what had gained in place of what a fit has, and may be beside that."""
         rest = self.gained.difference(*(self._here(own) for own in now.names))
-        return replace(self, at={name: self.at[name] for name in sorted(rest)}, pairs=())
+        return replace(self, at={name: z for name, z in self.at.items() if name in rest}, pairs=())
 
     def _little(self, gain: RobotGain) -> bool:
         """Whether much less is promised of it than is sought, limits aside."""

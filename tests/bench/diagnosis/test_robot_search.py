@@ -767,9 +767,11 @@ def test_of_a_fit_that_is_done_nothing_more_is_asked(enough):
 def test_beside_a_fit_that_is_done_nothing_is_tried_but_what_had_gained_in_its_place():
     search, seen = Stepping(), []
     chosen = search._chosen
-    rest = SimpleNamespace(**vars(NOTHING))
-    rest.at, rest.after, rest.rivals = {"effect1@all": 1.0}, lambda fitted: rest, lambda now: rest
-    search._sought = lambda names: SimpleNamespace(**vars(NOTHING) | {"after": lambda fitted: rest})
+    every, rest = (SimpleNamespace(**vars(NOTHING)) for _ in range(2))
+    every.beside = None  # all that is sought is tried at the first step, and never again
+    every.rivals = rest.rivals = lambda now: rest
+    rest.at, rest.after = {"effect1@all": 1.0}, lambda fitted: every
+    search._sought = lambda names: SimpleNamespace(**vars(NOTHING) | {"after": rest.after})
     search._worth_looking = lambda first, named: ["effect0@all", "effect1@all", "effect2@all"]
     ranked = []
     search.screen = lambda now: SimpleNamespace(rank=lambda some: ranked.append(list(some)) or [])

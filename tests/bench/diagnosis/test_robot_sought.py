@@ -158,6 +158,9 @@ def test_where_nothing_more_is_asked_only_what_had_gained_and_is_not_there_is_tr
     assert sought.at.keys() == {*SPRINGS, *LIMITS, "link_mass@tibia", "foot_slip@all"}
     assert sought.rivals(fit("link_mass@tibia")).at == {"foot_slip@all": 3.0}
     assert sought.rivals(fit("link_mass@tibia")).pairs == ()
+    both = fit("link_mass@tibia", "foot_slip@all")  # as the step after has it
+    beside = sought.rivals(fit("link_mass@tibia")).after([gain("foot_slip@all", 90.0)])
+    assert beside.rivals(both).at == {}
     worse = sought.after([replace(fitted[1], nats=-1.1 * HOPELESS)])
     assert worse.rivals(fit("link_mass@tibia")).at == {}
 
