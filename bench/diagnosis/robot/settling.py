@@ -284,8 +284,8 @@ class RobotJudges:
         All together may not make whole recordings, standing up and all, half as bad again. Before
         a name is taken back it is asked for at other sizes, as far as two engines differ about it.
         Where no more than noise is left without any, each must be more than a tolerance has; of a
-        robot that is consistent it must gain as much as beside another (in one of six nulls an
-        effect gained 9 nats).
+        robot that is consistent it must gain as much as beside another (in six nulls of another
+        engine the best gained 6 nats, deflated, and 9 where rotors had a tolerance as well).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
