@@ -24,6 +24,7 @@ from bench.diagnosis.robot.settling import (
     DUTIES_OFF,
     FAINT,
     FAR,
+    FARTHER,
     FITTED,
     JUDGED,
     LITTLE,
@@ -301,6 +302,17 @@ def test_without_recordings_that_judge_those_that_were_fitted_say_it():
     assert judges(left, held_out=False).consistent(BASE)
 
 
+@pytest.fixture(autouse=True)
+def numbers(monkeypatch):
+    """Numbers of names are pinned but for those that are ``farthest``."""
+
+    def number_of(search, now, name):
+        state = "at bound" if name in Given.farthest else "pinned"
+        return Estimate(0.0, (0.0, 0.0), "", state)
+
+    monkeypatch.setattr(settling, "number_of", number_of)
+
+
 class Given(RobotJudges):
     """Squares of phase means and of samples by the names of a fit, floors aside."""
 
@@ -317,6 +329,7 @@ class Given(RobotJudges):
     usual: ClassVar = frozenset()
     counts: ClassVar = 1.1 * BESIDE
     free: ClassVar = True
+    farthest: ClassVar = frozenset()
 
     def quiet(self, base):
         return self.calm
@@ -386,6 +399,15 @@ def test_where_no_more_than_noise_is_left_a_name_must_be_more_than_a_tolerance(
     monkeypatch.setattr(Given, "calm", calm)
     monkeypatch.setattr(Given, "usual", {usual})
     assert kept({(): 5.0, ("a",): 1.5}, because=ORDINARY) == tuple(stays)
+
+
+@pytest.mark.parametrize(("farthest", "stays"), [("a", "b"), ("b", "a")])
+def test_a_name_that_would_go_farther_than_it_may_stands_for_something_else(
+    monkeypatch, farthest, stays
+):
+    monkeypatch.setattr(Given, "farthest", {farthest})
+    squares = {(): 9.0, ("a",): 4.0, ("b",): 4.0, ("a", "b"): 1.5}
+    assert kept(squares, because=FARTHER) == (stays,)
 
 
 @pytest.mark.parametrize(
