@@ -291,8 +291,8 @@ class RobotJudges:
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
-        quiet = bool(taken) and self.quiet(found.base)
-        calm = quiet and self.consistent(found.base)
+        calm = bool(taken) and self.consistent(found.base)
+        quiet = calm or (bool(taken) and self.quiet(found.base))
         for gain in found.taken:
             faint = calm and gain.counting(found.base) < BESIDE
             if because := FAINT if faint else self._refused(now, gain.name, quiet):

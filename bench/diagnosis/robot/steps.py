@@ -35,7 +35,7 @@ BESIDE = 15.0
 HELD_OUT = 1.5  #: gain [nats, deflated] on groups of recordings left out, of one that gains less
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it,
 #: or times that of this [rad], if that is more: how a robot stands up is chance. Nulls of another
-#: engine left 2.6 to 3.2 mrad of whole recordings, and robots with a name that is true 2.2 to 3.6
+#: engine left 1.9 to 3.2 mrad of whole recordings, and robots with a name that is true 2.2 to 3.7
 SOUND_RAD = 0.0032
 PROMISED = 3  #: effects of a step that are tried, beside those for a tolerance at its end
 #: promise [nats] from which they are. What is called noise before anything is named has what is

@@ -182,12 +182,16 @@ def test_what_makes_a_whole_recording_worse_is_not_taken_however_much_it_gains()
 
 @pytest.mark.parametrize(
     ("square", "begun", "much"),
-    [(1.1, 1.0, False), (1.4, 0.1, False), (1.6, 0.1, True), (2.9, 2.0, False), (3.1, 2.0, True)],
+    [
+        (0.9 * WORSE, 0.1, False),
+        (1.1 * WORSE, 0.1, True),
+        (1.9 * WORSE, 2.0, False),
+        (2.1 * WORSE, 2.0, True),
+    ],
 )
 def test_a_whole_recording_is_much_worse_beyond_what_it_was_and_what_chance_makes(
     square, begun, much
 ):
-    assert (WORSE, SOUND_RAD) == (1.5, 0.0032)
     assert much_worse(square * SOUND_RAD**2, begun * SOUND_RAD**2) is much
 
 
