@@ -14,6 +14,7 @@ import typer
 from busemu.cli import fail
 
 if TYPE_CHECKING:
+    from .blind import Kind
     from .proof.plan import Planned
     from .proof.running import Proof
 
@@ -36,16 +37,16 @@ def prove(
         str | None,
         typer.Option(
             metavar="KIND",
-            help="One-joint cases of one kind: null, single, pair, triple, stranger or deleted. "
-            "--only null counts false alarms.",
+            help="Cases of one kind: null, single, pair, triple, stranger or deleted. --only null "
+            "counts false alarms. (Whole robots have no triple and no stranger.)",
         ),
     ] = None,
     concealed: Annotated[
         str | None,
         typer.Option(
             metavar="WAY",
-            help="With --only: cases concealed in one way alone: plain, masked, rare, sub_quantum "
-            "or mimicked (by something that gives nearly the same trace).",
+            help="With --only: one-joint cases concealed in one way alone: plain, masked, rare, "
+            "sub_quantum or mimicked (by something that gives nearly the same trace).",
         ),
     ] = None,
     robots: Annotated[
@@ -107,7 +108,7 @@ def prove(
         planned = plan(seed, cases, quick=quick, only=kind, way=way)
     except ValueError as error:
         fail(f"--cases: {error}")
-    planned += _on_feet(seed, robots, scene or (), quick=quick)
+    planned += _on_feet(seed, robots, scene or (), kind, quick=quick)
     if not planned:
         fail("--cases 0 leaves nothing to diagnose: give --robots")
     _tell_plan(planned)
@@ -143,17 +144,21 @@ def prove(
     typer.echo(f"look at   {out / 'index.html'}, {out / 'score.json'}, {out / 'cases.csv'}")
 
 
-def _on_feet(seed: int, robots: int, scenes: Sequence[str], *, quick: bool) -> tuple[Planned, ...]:
-    """Cases of whole robots; ends the program where a scene has none."""
+def _on_feet(
+    seed: int, robots: int, scenes: Sequence[str], only: Kind | None, *, quick: bool
+) -> tuple[Planned, ...]:
+    """Cases of whole robots; ends the program where there are none of a scene or a kind."""
     from .proof.robot_plan import ON_FEET
     from .proof.robot_plan import robots as drawn
 
     if scenes and not robots:
         fail(f"--scene {scenes[0]}: give --robots CASES as well")
+    if not robots:
+        return ()
     try:
-        return drawn(seed, robots, quick=quick, scenes=scenes or ON_FEET)
+        return drawn(seed, robots, quick=quick, scenes=scenes or ON_FEET, only=only)
     except ValueError as error:
-        fail(f"--scene: {error}")
+        fail(f"--robots: {error}")
 
 
 def _named(names: type[Named], told: str, option: str) -> Named:

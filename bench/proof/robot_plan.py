@@ -42,16 +42,26 @@ QUICK_NUMBERS = {Kind.SINGLE: 1, Kind.NULL: 1}
 
 
 def robots(
-    seed: int, cases: int, *, quick: bool = False, scenes: Sequence[str] = ON_FEET
+    seed: int,
+    cases: int,
+    *,
+    quick: bool = False,
+    scenes: Sequence[str] = ON_FEET,
+    only: Kind | None = None,
 ) -> tuple[Planned, ...]:
     """Cases of whole robots in the order they are diagnosed, shuffled; ``scenes`` by turns.
 
-    Raises ``ValueError`` for a scene in which no robot is on its feet.
+    ``only``: of one kind. Raises ``ValueError`` for a scene in which no robot is on its feet, and
+    for a kind that robots have no cases of.
     """
     if unknown := sorted(set(scenes) - set(ON_FEET)):
         raise ValueError(f"no robot is on its feet in {', '.join(unknown)}: {', '.join(ON_FEET)}")
+    if only is not None and only not in NUMBERS:
+        known = ", ".join(kind.value for kind in NUMBERS)
+        raise ValueError(f"whole robots have no case of {only.value}: use one of {known}")
+    numbers = QUICK_NUMBERS if quick else NUMBERS if only is None else {only: NUMBERS[only]}
     drawn: list[tuple[int, Asked]] = []
-    for kind, number in _dealt(cases, QUICK_NUMBERS if quick else NUMBERS).items():
+    for kind, number in _dealt(cases, numbers).items():
         for index, asked in zip(range(number), _endless(seed, kind, quick, scenes), strict=False):
             drawn.append((case_seed(seed, f"robot {kind.value} {index}"), asked))
     order = np.random.default_rng([seed, 41]).permutation(len(drawn)).tolist()

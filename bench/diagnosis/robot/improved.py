@@ -30,6 +30,7 @@ PLACES = {
     "gain": ("gain_error", "scale"),
     LATE: ("transport_delay", "delay_s"),
     "grip": ("foot_slip", "scale"),
+    "rotors": ("rotor_inertia", "scale"),
     PUNCH: ("punch_left_out", "share"),
 }
 

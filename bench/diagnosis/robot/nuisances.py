@@ -152,6 +152,10 @@ def _gain(drive: DriveParameters, x: float) -> DriveParameters:
     return replace(drive, gain_scale=drive.gain_scale * (1.0 + x))
 
 
+def _rotor(drive: DriveParameters, x: float) -> DriveParameters:
+    return replace(drive, rotor_inertia_kg_m2=drive.rotor_inertia_kg_m2 * (1.0 + x))
+
+
 def _punch(drive: DriveParameters, x: float) -> DriveParameters:
     return replace(drive, punch_left_out=shared(drive.punch_left_out, x))
 
@@ -321,6 +325,7 @@ COMMON = {
     "motors": ("(ratio)", 0.10 / ROOT3, "motors of one make: +-10 %"),
     STALL: ("(ratio)", 0.06, "whether a stall torque is told with friction or before it; assumed"),
     "gears": ("(ratio)", 0.15, "friction of one make, warm or cold; assumed"),
+    "rotors": ("(ratio)", 0.02, "rotors of one make; assumed"),
     TIPS: ("m/N", 2.5e-5, "no foot is rigid, the stiffest rubber tips give 50 um/N; assumed"),
     PUNCH: (SHARE, 1.0, "whether a PID law adds its punch is documented nowhere; assumed"),
 }
@@ -337,6 +342,7 @@ SAME = {
     "grip": ("foot_slip@all",),
     TIPS: ("foot_compliance@all",),
     "motors": ("torque_constant@all",),
+    "rotors": ("rotor_inertia@all",),
     PUNCH: ("punch@all",),
 }
 
@@ -373,6 +379,7 @@ def _changes(robot: PhysicalRobot) -> list[Trial]:
     found.append(Trial("motors", 0.06, _of_all(_torque)))
     found.append(Trial(STALL, -0.05, _of_effect(STALL, "scale", (), over=1.0), one_way=True))
     found.append(Trial("gears", 0.2, _of_all(_friction)))
+    found.append(Trial("rotors", 0.2, _of_all(_rotor)))
     found.append(Trial(PUNCH, 0.5, _of_all(_punch), one_way=True))
     found.append(Trial(LATE, 0.002, later, one_way=True))
     found.append(Trial(TIPS, 2e-5, _tips, one_way=True))

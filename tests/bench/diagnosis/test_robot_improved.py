@@ -35,7 +35,7 @@ def only(name, deviations):
 
 
 @pytest.mark.parametrize(
-    "word", ["zero", "mass", "centre", "supply", "gain", "late", "grip", "tips"]
+    "word", ["zero", "mass", "centre", "supply", "gain", "late", "grip", "tips", "rotors"]
 )
 def test_a_nuisance_in_the_file_does_what_its_trial_did(word):
     for nuisance in every():

@@ -173,7 +173,7 @@ def test_a_scene_of_robots_can_be_asked_for_alone(tmp_path):
     assert ran.stderr == "busemu: --scene phantomx-stand: give --robots CASES as well\n"
     ran = prove(*told, "--robots", "9", "--scene", "marvin-leg")
     assert ran.returncode == 1
-    assert ran.stderr.startswith("busemu: --scene: no robot is on its feet in marvin-leg: marvin-")
+    assert ran.stderr.startswith("busemu: --robots: no robot is on its feet in marvin-leg: marvin-")
 
 
 def test_the_surest_wrong_names_are_shown_first():

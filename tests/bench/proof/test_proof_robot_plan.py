@@ -61,6 +61,14 @@ def test_scenes_that_are_asked_for_are_the_only_ones():
         robots(3, 20, scenes=["marvin-leg", "marvin-walk"])
 
 
+def test_cases_of_one_kind_are_those_of_the_whole():
+    pairs = robots(3, 6, only=Kind.PAIR)
+    assert kinds(pairs) == {Kind.PAIR: 6}
+    assert {c.seed for c in pairs} < {c.seed for c in robots(3, WHOLE)}
+    with pytest.raises(ValueError, match="no case of triple: use one of single, null, pair"):
+        robots(3, 6, only=Kind.TRIPLE)
+
+
 def test_the_seed_alone_makes_the_plan():
     assert robots(5, 30) == robots(5, 30)
     assert not {c.seed for c in robots(5, 30)} & {c.seed for c in robots(6, 30)}
