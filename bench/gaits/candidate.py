@@ -137,6 +137,22 @@ class Space:
             o.tibia_rad + tibia,
         )
 
+    def point(self, candidate: Candidate) -> Floats:
+        """Where a candidate is, shape (axes,), in steps; at the nearest bounds if beyond them."""
+        o, c = self.original, candidate
+        stride = 0.5 * (c.v_left + c.v_right)
+        at = (
+            math.log(stride),
+            0.5 * (c.v_right - c.v_left) / stride,
+            math.log(c.period_s / o.period_s),
+            math.log(c.lift_m / o.lift_m),
+            c.duty_factor - o.duty_factor,
+            c.femur_rad - o.femur_rad,
+            c.tibia_rad - o.tibia_rad,
+        )
+        steps = [value / axis.step for value, axis in zip(at, self.axes, strict=True)]
+        return np.clip(steps, [axis.low for axis in self.axes], [axis.high for axis in self.axes])
+
     def grid(self, values: int) -> list[Candidate]:
         """The thesis's grid: so many values of ``v_left`` and of ``v_right``, all else original."""
         axis = np.linspace(*STRIDES, values).tolist()

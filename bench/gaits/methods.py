@@ -23,6 +23,8 @@ GRID_VALUES = 10
 #: Candidates a generation: about 4 + 3 ln 7, the usual number for seven dimensions, made even for
 #: two or four processes (N. Hansen, The CMA Evolution Strategy: A Tutorial, 2016).
 POPULATION = 8
+#: Steps that the first candidates are from a gait to begin with; assumed.
+NEAR = 0.5
 #: Draws for a candidate that the legs can reach, before it is taken as it is.
 REDRAWS = 100
 
@@ -54,9 +56,17 @@ def grid_search(
 
 
 def evolution(
-    space: Space, evaluate: Evaluate, reachable: Reachable, budget: int, seed: int
+    space: Space,
+    evaluate: Evaluate,
+    reachable: Reachable,
+    budget: int,
+    seed: int,
+    begin: Candidate | None = None,
 ) -> list[Outcome]:
-    """CMA-ES (N. Hansen) from the original gait, on ranks that put every allowed walk first.
+    """CMA-ES (N. Hansen) on ranks that put every allowed walk first.
+
+    From the original gait, or from another to ``begin`` with, which is walked first, and the others
+    nearer to it.
 
     It only ever compares candidates, so ranking them is all the constraint handling it needs:
     allowed ones by speed, forbidden ones after them by how far they are from being allowed.
@@ -75,13 +85,16 @@ def evolution(
         "verbose": -9,
         "verb_log": 0,
     }
-    strategy = cma.CMAEvolutionStrategy(len(space.axes) * [0.0], 1.0, options)
+    start = np.zeros(len(space.axes)) if begin is None else space.point(begin)
+    strategy = cma.CMAEvolutionStrategy(start, 1.0 if begin is None else NEAR, options)
     outcomes: list[Outcome] = []
     while len(outcomes) < budget and not strategy.stop():
         points = [
             _reached(point, strategy, space, reachable)
             for point in strategy.ask()[: budget - len(outcomes)]
         ]
+        if begin is not None and not outcomes:
+            points[0] = start
         found = evaluate([space.candidate(point) for point in points])
         outcomes += found
         if len(points) == POPULATION:

@@ -36,6 +36,7 @@ class Plan:
     seconds: float = 10.0  #: of a walk
     seed: int = 0
     methods: tuple[Method, ...] = (Method.CMA, Method.GRID)
+    begin: Candidate | None = None  #: a gait from which CMA-ES goes on; else the robot file's own
 
     @property
     def check_s(self) -> float:
@@ -129,7 +130,7 @@ class GaitSearch:
         if method is Method.GRID:
             outcomes = grid_search(space, evaluate, reachable, plan.budget)
         else:
-            outcomes = evolution(space, evaluate, reachable, plan.budget, plan.seed)
+            outcomes = evolution(space, evaluate, reachable, plan.budget, plan.seed, plan.begin)
         return self._checked(Found(method, tuple(outcomes), (), ()))
 
     def _checked(self, found: Found) -> Found:

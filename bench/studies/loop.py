@@ -3,8 +3,8 @@
 A robot of another engine, with soft tips and soft joints that its file does not have, is recorded
 and diagnosed from its joints. Then the robot's own program walks, unmodified, over the emulated bus
 once with the file as it was and once with the better model; and both are compared with how the
-robot itself walked a walk that the diagnosis has not seen. At last a fast gait is searched on each
-of the two models, and the robot itself walks both.
+robot itself walked a walk that the diagnosis has not seen. At last a fast gait is searched on the
+first model, the search goes on from it on the better one, and the robot itself walks both.
 """
 
 from __future__ import annotations
@@ -148,9 +148,11 @@ def study(seed: int, out: Path, say: Say) -> dict[str, Any]:
         out / "loop.png",
     )
     write_json(out / "loop.json", finite(result))
+    first = loop_gaits.searched(base, out / "gaits-before", say)
+    more = loop_gaits.searched(better, out / "gaits-after", say, first.candidate)
     result["gaits"] = {
-        name: loop_gaits.told(run, loop_gaits.searched(robot, out / f"gaits-{name}", say), say)
-        for name, robot in (("before", base), ("after", better))
+        name: loop_gaits.told(run, found, say)
+        for name, found in (("before", first), ("after", more))
     }
     write_json(out / "loop.json", finite(result))
     journal.finished()

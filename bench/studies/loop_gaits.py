@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -30,7 +30,9 @@ from busemu.tables import Robot
 
 from .stance_runs import CAPTURED, SCENE, Run, recording_of, specimen
 
-PLAN = Plan(budget=64, seconds=5.0, methods=(Method.CMA,))
+#: on the model before; the better one goes on from what was found there, as its user would
+PLAN = Plan(budget=128, seconds=5.0, methods=(Method.CMA,))
+MORE = 64  #: walks on the better model; assumed
 PROCESSES = 2
 PATH = tuple(f"mocap/base_{name}" for name in ("x_m", "y_m", "yaw_rad"))
 LEANING_RAD = math.radians(45.0)  #: so far, and it has fallen; assumed
@@ -51,8 +53,12 @@ class Walked:
         return not self.fell and self.torque_of_stall < TORQUE_LIMIT
 
 
-def searched(robot: Robot, folder: Path, say: Say) -> Found:
-    """The fastest gait on one model; walks that are in the folder are not made again."""
+def searched(robot: Robot, folder: Path, say: Say, begin: Candidate | None = None) -> Found:
+    """The fastest gait on one model; walks that are in the folder are not made again.
+
+    With a gait to ``begin`` with the search goes on from there, for fewer walks.
+    """
+    plan = PLAN if begin is None else replace(PLAN, budget=MORE, begin=begin)
     done = 0
 
     def tell(outcome: Outcome, new: bool) -> None:
@@ -62,7 +68,7 @@ def searched(robot: Robot, folder: Path, say: Say) -> Found:
             say(f"searching a gait on {folder.name}: {done} walks")
 
     with Walks(Walker(robot), PROCESSES) as walks:
-        result = GaitSearch(robot, PLAN, Ledger(folder, robot), walks, tell).run()
+        result = GaitSearch(robot, plan, Ledger(folder, robot), walks, tell).run()
     (found,) = result.found
     return found
 

@@ -47,8 +47,9 @@ FIRST = {"roll_rad": 0.1, "yaw_rad": 0.3, "resistance_ohm": 2.0}
 #: 0.5, 0.4 and 0.3 of a motor's duty, which walking robots ask for; assumed
 LEVELS = {"duty": (1.25, 1.5, 1.75)}
 #: a trunk that is heavier and a weight on it differ by nothing but where in the trunk the mass is:
-#: whoever has no name for the second has none for the first
-ONE_WITH = {f"link_mass@{TRUNK}": "payload"}
+#: whoever has no name for the second has none for the first. Where neither gains more, it is the
+#: second: a trunk was weighed, and what is put on it later nobody has to tell
+ONE_WITH = {f"link_mass@{TRUNK}": f"payload@{EVERYWHERE}"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,8 @@ class Placed:
 
     def left_out(self, without: Collection[str]) -> bool:
         """Whether it goes with effects that are left out of the catalogue."""
-        return self.effect.name in without or ONE_WITH.get(self.name) in without
+        kind = ONE_WITH.get(self.name, "").partition("@")[0]
+        return self.effect.name in without or kind in without
 
     @property
     def first_z(self) -> float:

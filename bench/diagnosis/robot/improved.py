@@ -133,6 +133,19 @@ def knob_of(
     return None
 
 
+def tolerated(
+    base: PhysicalRobot, placed: Placed, nuisances: Sequence[RobotNuisance]
+) -> tuple[float, float] | None:
+    """The least and the greatest value of an effect that a tolerance has; None where none has."""
+    same = next((n for n in nuisances if placed.name in n.same), None)
+    if same is None:
+        return None
+    knobs = [knob_of(base, placed, same, end) for end in same.ends if end]
+    ends = [placed.knob.value(knob) for knob in knobs if knob is not None]
+    ends.append(placed.parameter.off)  # of what goes one way only it is the other end
+    return (min(ends), max(ends)) if len(ends) > 1 else None
+
+
 def _addition(base: PhysicalRobot, name: str, x: float, told: str) -> list[Addition]:
     word, _, where = name.partition(" ")
     if word == TIPS:

@@ -28,12 +28,12 @@ from .causes import ENGINES_SHARE, rivals_of, scope_of
 from .effects import EVERYWHERE
 from .fit import FIRM, RobotFit
 from .gains import RobotGain
+from .improved import tolerated
 from .model import Progress, RobotModel
 from .nuisances import READ
 from .pool import Job
 from .rise import Rise
 from .search import RobotSearch
-from .settling import tolerated
 from .steps import BESIDE, HELD_OUT
 
 Floats = NDArray[np.float64]
@@ -172,7 +172,8 @@ class Rising:
 
     def _ordinary(self, best: Sized) -> bool:
         """Whether an effect may be no more than a tolerance has it, by its interval."""
-        ends = tolerated(self.model, best.name)
+        model = self.model
+        ends = tolerated(model.base, model.placed[best.name], model.nuisances)
         low, high = self._number(best).ci95
         return ends is not None and low <= ends[1] and high >= ends[0]
 

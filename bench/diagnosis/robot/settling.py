@@ -16,7 +16,7 @@ from .causes import ENGINES_SHARE, number_of
 from .features import RobotKind
 from .fit import RobotFit, voltage_noise
 from .gains import RobotFindings, RobotGain
-from .improved import knob_of, of_settings
+from .improved import of_settings, tolerated
 from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
 from .model import Progress, RobotModel
 from .nuisances import RobotNuisance
@@ -26,7 +26,7 @@ from .search import AT_END, RobotSearch
 from .steps import BESIDE, much_worse
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
-#: fitted and elsewhere. Measured of ten nulls of another engine: 0.20 to 0.56, and 0.40 to 1.65
+#: fitted and elsewhere; ten nulls of another engine had 0.20 to 0.56, and 0.40 to 1.65
 FITTED, JUDGED = 0.6, 1.8
 FAR = 3.0  #: times that from which no tolerances are looked for that leave less; assumed
 #: RMS of walked samples over that of a sound model, up to which recordings that judge are as
@@ -54,18 +54,6 @@ NO_BETTER = "recordings that were not used to fit are no better with it"
 def far_off(rms_rad: float, floor_rad: float) -> bool:
     """Whether walked samples are farther off than those of a sound model may be."""
     return rms_rad > SAMPLES * floor_rad
-
-
-def tolerated(model: RobotModel, name: str) -> tuple[float, float] | None:
-    """The least and the greatest value of an effect that a tolerance has; None where none has."""
-    placed = model.placed[name]
-    same = next((n for n in model.nuisances if name in n.same), None)
-    if same is None:
-        return None
-    knobs = [knob_of(model.base, placed, same, end) for end in same.ends if end]
-    ends = [placed.knob.value(knob) for knob in knobs if knob is not None]
-    ends.append(placed.parameter.off)  # of what goes one way only it is the other end
-    return (min(ends), max(ends)) if len(ends) > 1 else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,10 +272,9 @@ class RobotJudges:
 
         All together may not make whole recordings, standing up and all, half as bad again. Before
         a name is taken back it is asked for at other sizes, as far as two engines differ about it.
-        None may be as far as it may go: of 95 names of opened proofs that was one, not true. Where
-        no more than noise is left without any, each must be more than a tolerance has; of a robot
-        that is consistent it must gain as much as beside another (in six nulls of another engine
-        the best gained 6 nats, deflated, and 9 where rotors had a tolerance as well).
+        None may be as far as it may go: of 95 names of opened proofs that was one, not true. Of a
+        robot that is consistent it must gain as much as beside another (in six nulls of another
+        engine the best gained 6 nats, deflated).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
@@ -295,7 +282,7 @@ class RobotJudges:
         quiet = calm or (bool(taken) and self.quiet(found.base))
         for gain in found.taken:
             faint = calm and gain.counting(found.base) < BESIDE
-            if because := FAINT if faint else self._refused(now, gain.name, quiet):
+            if because := FAINT if faint else self._refused(found.base, now, gain, quiet):
                 now = self.without(found.base, now, gain.name)
                 taken = [other for other in taken if other is not gain]
                 rejected.append(self._taken_back(gain, because))
@@ -331,15 +318,23 @@ class RobotJudges:
             "because": because,
         }
 
-    def _refused(self, now: RobotFit, name: str, quiet: bool) -> str:
-        """Why a name does not hold whatever recordings say that judge; nothing if it may."""
-        if number_of(self.search, now, name).state == "at bound":
+    def _refused(self, base: RobotFit, now: RobotFit, gain: RobotGain, quiet: bool) -> str:
+        """Why a name does not hold whatever recordings say that judge; nothing if it may.
+
+        Where no more than noise is left without any, it must be more than a tolerance has, or gain
+        much and free several of them from their ends: together that is more than they have.
+        """
+        if number_of(self.search, now, gain.name).state == "at bound":
             return FARTHER
-        return ORDINARY if quiet and self.ordinary(now, name) else ""
+        if not quiet or not self.ordinary(now, gain.name):
+            return ""
+        frees = gain.counting(base) >= BESIDE and self.strained(base) and not self.strained(now)
+        return "" if frees else ORDINARY
 
     def ordinary(self, now: RobotFit, name: str) -> bool:
         """Whether a name may be no more than a tolerance has it, by its interval."""
-        ends = tolerated(self.model, name)
+        model = self.model
+        ends = tolerated(model.base, model.placed[name], model.nuisances)
         if not ends:
             return False
         low, high = number_of(self.search, now, name).ci95

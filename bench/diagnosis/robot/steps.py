@@ -20,6 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..joint.nuisances import LATE_S
+from .effects import ONE_WITH
 from .exact import ExactFits
 from .features import MEANS, RobotKind
 from .fit import ENOUGH, RobotFit
@@ -161,11 +162,16 @@ class Steps(ExactFits):
     def _best(self, gains: Sequence[RobotGain], now: RobotFit, begun: float) -> RobotGain | None:
         """The best that holds, of those first that make no whole recording much worse.
 
-        What is half of the truth may do that, and is taken until the rest is found as well.
+        What is half of the truth may do that, and is taken until the rest is found as well. Of two
+        that are one with each other the likelier is taken, where the other is not ahead.
         """
         held = [gain for gain in gains if self._holds(gain, now)]
         stand = [gain for gain in held if not much_worse(self._whole_square(gain.fit), begun)]
-        return max(stand or held, key=lambda gain: gain.deflated, default=None)
+        best = max(stand or held, key=lambda gain: gain.deflated, default=None)
+        if best is None:
+            return None
+        likelier = (g for g in stand or held if g.name == ONE_WITH.get(best.name))
+        return next((g for g in likelier if best.ahead_of(g) == 0.0), best)
 
     def _with(
         self, gain: RobotGain, now: RobotFit, exact: RobotFit, plain: float | None

@@ -174,6 +174,22 @@ def test_the_best_gain_is_taken():
     assert holding(Exact({}), gains(30.0, 20.0)).name == "effect0@all"
 
 
+@pytest.mark.parametrize(
+    ("trunk", "weight", "taken"),
+    [
+        (30.0, 20.0, "payload@all"),
+        (30.0, 9.0, "link_mass@trunk"),  # beyond what fits end apart by
+        (30.0, 40.0, "payload@all"),
+    ],
+)
+def test_a_weight_on_a_trunk_is_likelier_than_a_trunk_as_heavy(trunk, weight, taken):
+    own = {"link_mass@trunk": trunk, "payload@all": weight}
+    some = [RobotGain(name, fit(name, x), x, 1.0, None) for name, x in own.items()]
+    best = max(some, key=lambda gain: gain.nats)
+    assert holding(Exact({}), [best, *(gain for gain in some if gain is not best)]).name == taken
+    assert holding(Exact({(taken,): 1.1 * WORSE}), some).name != taken
+
+
 def test_what_makes_a_whole_recording_worse_is_not_taken_however_much_it_gains():
     for worse, taken in ((0.9, "effect0@all"), (1.1, "effect1@all")):
         search = Exact({("effect0@all",): worse * WORSE})

@@ -401,6 +401,25 @@ def test_where_no_more_than_noise_is_left_a_name_must_be_more_than_a_tolerance(
     assert kept({(): 5.0, ("a",): 1.5}, because=ORDINARY) == tuple(stays)
 
 
+@pytest.mark.parametrize(
+    ("strained", "share", "stays"),
+    [
+        ([()], 1.1, "a"),
+        ([()], 0.9, ""),  # gains too little
+        ([(), ("a",)], 1.1, ""),  # and frees nothing
+        ([], 1.1, ""),
+    ],
+)
+def test_a_size_that_is_ordinary_is_more_where_it_frees_several_tolerances(
+    monkeypatch, strained, share, stays
+):
+    for name, value in {"calm": True, "free": False, "usual": {"a"}}.items():
+        monkeypatch.setattr(Given, name, value)
+    monkeypatch.setattr(Given, "counts", share * BESIDE)
+    found = kept({(): 5.0, ("a",): 1.5}, stand_in=strained, because=ORDINARY)
+    assert found == tuple(stays)
+
+
 @pytest.mark.parametrize(("farthest", "stays"), [("a", "b"), ("b", "a")])
 def test_a_name_that_would_go_farther_than_it_may_stands_for_something_else(
     monkeypatch, farthest, stays

@@ -1,6 +1,7 @@
 """Choosing candidates: rules before speed, the thesis's grid, the same from the same seed."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -177,3 +178,19 @@ def test_reach_is_a_matter_of_the_legs():
     assert ORIGINAL.reachable(MARVIN)
     rest = (ORIGINAL.period_s, ORIGINAL.lift_m, ORIGINAL.duty_factor, 0.5, -2.0)
     assert not Candidate(12.0, 12.0, *rest).reachable(MARVIN)
+
+
+def test_a_point_is_where_its_candidate_is():
+    x = np.array([0.3, -0.5, 1.0, -1.5, 0.7, -0.2, 2.0])
+    assert SPACE.point(SPACE.candidate(x)) == pytest.approx(x)
+    high = [axis.high for axis in SPACE.axes]
+    assert SPACE.point(replace(ORIGINAL, period_s=9.0))[2] == high[2]
+
+
+def test_a_search_goes_on_from_a_gait_that_is_known():
+    begin = SPACE.candidate(np.array([0.3, -0.5, 1.0, -1.5, 0.7, -0.2, 2.0]))
+    first, *others = evolution(SPACE, walked, anything, 8, 0, begin)
+    assert SPACE.point(first.job.candidate) == pytest.approx(SPACE.point(begin))
+    far = [np.linalg.norm(SPACE.point(one.job.candidate) - SPACE.point(begin)) for one in others]
+    anew = [np.linalg.norm(SPACE.point(one.job.candidate)) for one in evolved(8)]
+    assert 0.0 < np.median(far) < 0.7 * np.median(anew)

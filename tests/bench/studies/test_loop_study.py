@@ -1,4 +1,5 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -78,3 +79,22 @@ def test_the_robot_itself_walks_a_gait_that_was_found(monkeypatch):
     assert one.allowed is (one.torque_of_stall < TORQUE_LIMIT)
     longer = really(hidden(1), replace(original, v_left=2.0, v_right=2.0), seed=0)
     assert longer.speed_m_s > 1.5 * one.speed_m_s
+
+
+def test_the_better_model_goes_on_from_the_gait_that_was_there(monkeypatch, tmp_path):
+    plans = []
+
+    class Search:
+        def __init__(self, _robot, plan, *_others):
+            plans.append(plan)
+
+        def run(self):
+            return SimpleNamespace(found=["found"])
+
+    monkeypatch.setattr(loop_gaits, "GaitSearch", Search)
+    robot, gait = load_robot("marvin"), Candidate.original(load_robot("marvin"))
+    for begin in (None, gait):
+        assert loop_gaits.searched(robot, tmp_path, print, begin) == "found"
+    first, more = plans
+    assert (first.begin, more.begin) == (None, gait)
+    assert more.budget < first.budget
