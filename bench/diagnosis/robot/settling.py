@@ -39,7 +39,7 @@ VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show anoth
 DUTIES_OFF = 4.0  #: deviations of duties from which they show another law
 #: share of either below which a name must bring it for registers to ask for it; assumed
 MOST = 0.5
-ENDS = 1  #: so many of 15 tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
+ENDS = 1  #: so many of the robot's tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
 #: for; assumed
