@@ -41,6 +41,8 @@ NO_MORE = ", which is little: of those that were tried none does better"
 ALWAYS = "torque_enable"  #: a register that is on in every experiment
 UNSEEN = "cannot be seen in these recordings"  #: of a parameter that is dead
 LITTLE = 0.1  #: of what can be explained: a cause that explains less is a hint at most
+MUCH = 15.0  #: nats that it gains, from which it is more: it does what tolerances do less likely
+HINT = "a hint at most, not the cause of what is seen"
 #: parameters that are a direction of an effect
 DIRECTIONS = MappingProxyType(
     {"x_m": "x", "y_m": "y", "z_m": "z", "pitch_rad": "pitch", "roll_rad": "roll"}
@@ -187,10 +189,9 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
                 "explains a share is that of positions, which hardly change."
             )
         else:
-            told.append(
-                "What is named takes next to nothing of the misfit away: a hint at most, not the "
-                "cause of what is seen."
-            )
+            gains = any(c.held_out_gain_nats >= MUCH for c in diagnosis.causes)
+            hint = "tolerances do that too, less likely so far off" if gains else HINT
+            told.append(f"What is named takes next to nothing of the misfit away: {hint}.")
     if unfinished(diagnosis):
         told.append(
             "The time was used up before the search was done: what is named may not be all, and "

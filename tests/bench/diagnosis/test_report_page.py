@@ -383,8 +383,11 @@ def test_a_misfit_that_is_the_same_to_a_hundredth_is_not_worse(times, is_worse):
 
 
 def test_a_name_that_explains_little_is_called_a_hint():
-    little = replace(FOUND, causes=(replace(CAUSE, explained_share=0.02),))
-    assert "a hint at most" in printed(little)
+    for gain, hint in ((14.0, True), (16.0, False)):  # nats: more than tolerances are likely to do
+        cause = replace(CAUSE, explained_share=0.02, held_out_gain_nats=gain)
+        text = printed(replace(FOUND, causes=(cause,)))
+        assert ("a hint at most" in text) is hint
+        assert ("tolerances do that too" in text) is not hint
     assert "a hint at most" not in printed(FOUND)
 
 
