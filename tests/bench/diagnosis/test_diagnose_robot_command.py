@@ -11,6 +11,7 @@ from bench.diagnosis.result import Estimate
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.gains import NEEDED
 from bench.diagnosis.robot.improved import of_causes, write_model
+from bench.diagnosis.robot.settling import SAMPLES
 from bench.recording import write
 from bench.running import Steering, in_process, walk_in
 from busemu.tables import load_robot
@@ -65,16 +66,14 @@ def test_the_tips_are_named_with_their_stiffness(found):
     assert cause["effect"] == NAME
     assert cause["scope"] == [f"leg{n}" for n in range(1, 7)]
     assert cause["parameters"]["stiffness_n_m"]["value"] == pytest.approx(STIFFNESS_N_M, rel=0.3)
-    assert cause["probability"] > 0.9
+    assert cause["probability"] > 0.8  # of names that gain so much eight or nine in ten were true
 
 
 def test_the_held_out_walk_is_nearer_than_before(found):
     fit = found.document["fit"]
     assert fit["held_out"] is True
     assert fit["recordings"] == ["walk-2"]
-    assert (
-        fit["after"] < fit["noise_floor"] < fit["before"]
-    )  # one engine: nothing differs but rounding
+    assert fit["after"] < SAMPLES * fit["noise_floor"] < fit["before"]  # two engines
 
 
 def test_how_much_joints_shake_is_told_by_their_kind_and_phase(found):
