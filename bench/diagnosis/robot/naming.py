@@ -60,6 +60,7 @@ class Naming:
     ) -> None:
         self.search, self.held, self.tell = search, held, tell
         self.rattling, self.rising = rattling, rising
+        self._risers: dict[tuple[RobotFit, frozenset[str]], Riser | None] = {}
 
     def answer(self, without: frozenset[str]) -> Answer:
         """All that can be named but what must not: play first, springs and a weak source last.
@@ -112,10 +113,7 @@ class Naming:
         gait, there is another search that begins with it.
         """
         found, taken, after, rejected = named
-        try:
-            riser = self.rising.named(after, without)
-        except OutOfTimeError:
-            return named, None
+        riser = self._riser(after, without)
         if riser is None:
             return named, None
         now, kept = riser.gain.fit, []
@@ -133,6 +131,14 @@ class Naming:
         except OutOfTimeError:
             return Named(found, kept, now, rejected), riser
         return Named(found, kept, now, [*rejected, *more]), riser
+
+    def _riser(self, after: RobotFit, without: frozenset[str]) -> Riser | None:
+        """What shows as the robot stands up beside a fit to its gait, if there is time."""
+        asked = after, without
+        with suppress(OutOfTimeError):
+            if asked not in self._risers:
+                self._risers[asked] = self.rising.named(after, without)
+        return self._risers.get(asked)
 
     def _with_play(self, base: RobotFit, play: Shaker) -> RobotFit:
         """What the operator believes with as much play as shaking says, where that is no worse.
@@ -179,8 +185,12 @@ class Naming:
         if there is time, and if it shall search ``again``.
         """
         done, far = self.held.consistent, self.held.far
+
+        def risen(fit: RobotFit) -> bool:  # not asked of a robot that rattles
+            return not without >= RATTLING and self._riser(fit, without) is not None
+
         found = self.search.run(without=without, base=base, done=done, far=far)
-        taken, after, rejected = self.held.kept(found, self.tell)
+        taken, after, rejected = self.held.kept(found, self.tell, risen)
         if not again or not found.taken or found.taken[0] in taken:
             return Named(found, taken, after, rejected)
         without |= {self.search.model.placed[found.taken[0].name].effect.name}
@@ -188,5 +198,5 @@ class Naming:
             found = self.search.run(without=without, base=base, done=done, far=far)
         except OutOfTimeError:
             return Named(found, taken, after, rejected)
-        taken, after, more = self.held.kept(found, self.tell)
+        taken, after, more = self.held.kept(found, self.tell, risen)
         return Named(found, taken, after, [*rejected, *more])

@@ -34,6 +34,7 @@ from .nuisances import READ
 from .pool import Job
 from .rise import Rise
 from .search import RobotSearch
+from .settling import SIZES
 from .steps import BESIDE, HELD_OUT
 
 Floats = NDArray[np.float64]
@@ -133,8 +134,9 @@ class Rising:
         if not self.rises(best.name) or best.nats < BESIDE:
             return None
         plain, there = stand.fit(stand.plain), self._finer(stand.fit(best), self._first)
+        there, left = self._resized(there)
         nats = self._total(plain, self._first) - self._total(there, self._first)
-        before, left = self._cost(plain, self.judges), self._cost(there, self.judges)
+        before = self._cost(plain, self.judges)
         exact = Sized(best.name, nats, there.z)
         if nats < BESIDE or before - left < HELD_OUT or self._ordinary(exact):
             return None
@@ -165,6 +167,14 @@ class Rising:
         stand = _Stand(self, found, r)
         finer = stand.fit(stand.plain)
         return min(finer, found, key=lambda fit: self._total(fit, r))
+
+    def _resized(self, found: RobotFit) -> tuple[RobotFit, float]:
+        """A fit of the size that judges like best, as far as engines differ, and what it costs."""
+        aside = 1.0 + ENGINES_SHARE * np.array([0.0, *SIZES])
+        sized = [replace(found, z=np.append(found.z[:-1], x * found.z[-1])) for x in aside]
+        costs = [self._cost(one, self.judges) for one in sized]
+        at = int(np.argmin(costs))
+        return (self.search.replayed(sized[at]) if at else found), costs[at]
 
     def _total(self, found: RobotFit, r: int) -> float:
         """What windows and gait cost a fit [nats], the gait for less than it believes."""
@@ -233,11 +243,9 @@ class Rising:
         share: float,
     ) -> Riser:
         """A cause of what was found; ``behind`` are others, with how much less they gain."""
-        model = self.model
-        placed = model.placed[found.name]
-        others = {
-            model.placed[one.name].effect.name: (-one.nats, one.name) for one in reversed(behind)
-        }
+        model, every = self.model, self.model.placed
+        placed = every[found.name]
+        others = {every[one.name].effect.name: (-one.nats, one.name) for one in reversed(behind)}
         own, close = rivals_of(model, found.nats, others)
         cause = Cause(
             effect=placed.effect.name,
@@ -256,10 +264,8 @@ def risen(named: Riser | None) -> tuple[str, ...]:
     """What is to be said of a name that how a robot stands up has given."""
     if named is None:
         return ()
-    return (
-        f"{named.cause.effect} was named by how the robot stands up before it walks: what it "
-        "explains, and by how much, is of that, and it hardly shows in the gait",
-    )
+    told = "was named by how the robot stands up before it walks: what it explains, and by how much"
+    return (f"{named.cause.effect} {told}, is of that, and it hardly shows in the gait",)
 
 
 class _Stand:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -266,11 +266,15 @@ class RobotJudges:
         return float(self.model.floors()[RobotKind.JOINTS] ** 2 + np.mean(extra))
 
     def kept(
-        self, found: RobotFindings, say: Progress
+        self,
+        found: RobotFindings,
+        say: Progress,
+        risen: Callable[[RobotFit], bool] = lambda _: False,
     ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
         """Names that recordings which judge do not deny; the fit with them; those taken back.
 
-        All together may not make whole recordings, standing up and all, half as bad again. Before
+        All together may not make whole recordings, standing up and all, half as bad again, unless
+        how the robot stands up has a name of its own beside them (``risen`` asks of a fit). Before
         a name is taken back it is asked for at other sizes, as far as two engines differ about it.
         None may be as far as it may go: of 95 names of opened proofs that was one, not true. Of a
         robot that is consistent it must gain as much as beside another (in six nulls of another
@@ -296,7 +300,7 @@ class RobotJudges:
             seen = self.samples(now)
             spare = {name: self._spare(fit, now, seen, least) for name, fit in fits.items()}
             worst = min(taken, key=lambda gain: spare[gain.name])
-            if spare[worst.name] > 0.0 and not much_worse(seen.whole, begun):
+            if spare[worst.name] > 0.0 and (not much_worse(seen.whole, begun) or risen(now)):
                 break
             if worst.name not in resized:
                 resized.add(worst.name)

@@ -231,6 +231,31 @@ def test_where_more_is_left_of_the_gait_there_is_another_search_with_it(monkeypa
     assert (named, told) == ((NOTHING, [], RISEN, ["one"]), found)
 
 
+@pytest.mark.parametrize(
+    ("shown", "without", "says", "times"),
+    [(True, (), True, 1), (False, (), False, 1), (True, RATTLING, False, 0)],
+    ids=["shown", "not shown", "rattles"],
+)
+def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
+    shown, without, says, times
+):
+    asked, told = [], []
+
+    def rising(after, left_out):
+        asked.append((after, left_out))
+        return riser() if shown else None
+
+    def kept(found, say, risen):
+        told.extend([risen(GAINED), risen(GAINED)])
+        return [], GAINED, []
+
+    made = naming(rising=rising, kept=kept)
+    made.search.run = lambda **_: NOTHING
+    made.searched(AS_BELIEVED, frozenset(without), again=False)
+    assert told == [says, says]
+    assert asked == [(GAINED, frozenset(without))] * times
+
+
 # --- by means over the phase
 
 
@@ -251,7 +276,7 @@ def test_what_was_found_is_told_whatever_the_time(cut, again):
         name = "punch" if "dead_zone" in without else "dead_zone"
         return SimpleNamespace(taken=(SimpleNamespace(name=f"{name}@all"),))
 
-    def kept(found, say):
+    def kept(found, say, risen):
         say("asking")
         (gain,) = found.taken
         taken = [gain] if gain.name == "punch@all" else []
@@ -315,7 +340,7 @@ def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands):
         return NOTHING
 
     made = naming(
-        consistent=lambda _: False, kept=lambda found, say: ([], "fit", ()), stands=stands
+        consistent=lambda _: False, kept=lambda found, say, risen: ([], "fit", ()), stands=stands
     )
     made.search.run = lambda without, base, done, far: found(without)
     made.named(AS_BELIEVED, frozenset({"punch"}), True)

@@ -1,5 +1,6 @@
 """What shows as a robot stands up and hardly as it walks: sources that give way, feet that slip."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -79,6 +80,21 @@ def test_a_replay_of_the_rise_alone_is_the_beginning_of_a_whole_one(features):
         (alone,) = replays.run([Job(0, rise=True)])
     assert alone.risen_rad == pytest.approx(told, abs=1e-12, nan_ok=True)
     assert alone.angle_rad.size == 0
+
+
+@pytest.mark.parametrize(("likes", "size"), [(1.0, 2.0), (0.86, 1.72), (0.93, 1.86), (2.0, 2.28)])
+def test_a_size_is_what_judges_like_best_as_far_as_engines_differ(monkeypatch, likes, size):
+    search = search_on(replayed=None)
+    search.replayed = lambda fit: replace(fit, cost=3.0)
+    rising = Rising(search, [0], [1], lambda _: None)
+    most = 2.0 * likes
+    monkeypatch.setattr(rising, "_cost", lambda fit, which: abs(fit.z[-1] - most) + which[0])
+    found = RobotFit((SAG,), np.array([0.5, 2.0]), {}, 5.0)
+    best, cost = rising._resized(found)
+    assert best.z == pytest.approx([0.5, size])
+    assert cost == pytest.approx(1.0 + abs(size - most))
+    assert (best is found) is (likes == 1.0)
+    assert best.cost == (5.0 if likes == 1.0 else 3.0)
 
 
 # --- which names are given

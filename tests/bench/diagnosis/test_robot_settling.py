@@ -367,7 +367,15 @@ class Given(RobotJudges):
 
 
 def kept(
-    phases, seen=None, whole=None, stand_in=(), costs=None, denied=None, low=None, because=NO_BETTER
+    phases,
+    seen=None,
+    whole=None,
+    stand_in=(),
+    costs=None,
+    denied=None,
+    low=None,
+    because=NO_BETTER,
+    risen=(),
 ):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
@@ -380,7 +388,7 @@ def kept(
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
     )
-    taken, now, rejected = own.kept(found, lambda _: None)
+    taken, now, rejected = own.kept(found, lambda _: None, lambda fit: fit.names in risen)
     assert now.names == tuple(gain.name for gain in taken)
     assert all(row["because"] == because for row in rejected)
     return now.names
@@ -546,6 +554,9 @@ def test_names_that_make_whole_recordings_much_worse_go_until_they_do_not():
     assert kept(squares, whole=whole) == ("a",)
     assert kept(squares, whole=whole | {("a",): too_much}) == ()
     assert kept(squares, whole=whole | {("a", "b"): allowed}) == ("a", "b")
+    assert kept(squares, whole=whole, risen=[("a", "b")]) == ("a", "b")  # which says why
+    no_better = {("b",): 3.9, ("a", "b"): 3.8}
+    assert kept(squares | no_better, whole=whole, risen=[("a", "b"), ("b",)]) == ("b",)
 
 
 def test_the_name_that_helps_least_goes_first_and_the_others_are_asked_again():
