@@ -134,9 +134,10 @@ class Rising:
         if not self.rises(best.name) or best.nats < BESIDE:
             return None
         plain, there = stand.fit(stand.plain), self._finer(stand.fit(best), self._first)
-        there, left = self._resized(there)
+        before, left = self._cost(plain, self.judges), self._cost(there, self.judges)
+        if before - left < HELD_OUT:
+            there, left = self._resized(there)
         nats = self._total(plain, self._first) - self._total(there, self._first)
-        before = self._cost(plain, self.judges)
         exact = Sized(best.name, nats, there.z)
         if nats < BESIDE or before - left < HELD_OUT or self._ordinary(exact):
             return None
@@ -172,9 +173,8 @@ class Rising:
         """A fit of the size that judges like best, as far as engines differ, and what it costs."""
         aside = 1.0 + ENGINES_SHARE * np.array([0.0, *SIZES])
         sized = [replace(found, z=np.append(found.z[:-1], x * found.z[-1])) for x in aside]
-        costs = [self._cost(one, self.judges) for one in sized]
-        at = int(np.argmin(costs))
-        return (self.search.replayed(sized[at]) if at else found), costs[at]
+        cost, at = min((self._cost(one, self.judges), k) for k, one in enumerate(sized))
+        return (self.search.replayed(sized[at]) if at else found), cost
 
     def _total(self, found: RobotFit, r: int) -> float:
         """What windows and gait cost a fit [nats], the gait for less than it believes."""

@@ -97,6 +97,19 @@ def test_a_size_is_what_judges_like_best_as_far_as_engines_differ(monkeypatch, l
     assert best.cost == (5.0 if likes == 1.0 else 3.0)
 
 
+@pytest.mark.parametrize(("outside", "left", "sized", "named"), [
+    (HELD_OUT + 0.1, 0.0, 0, True),
+    (HELD_OUT - 0.1, 399.0 - HELD_OUT, 1, True),
+    (HELD_OUT - 0.1, 401.0 - HELD_OUT, 1, False),
+])  # fmt: skip
+def test_other_sizes_are_asked_where_judges_are_no_better(monkeypatch, outside, left, sized, named):
+    asks = []
+    monkeypatch.setattr(Rising, "_resized", lambda _, found: asks.append(found) or (found, left))
+    _, found = asked(monkeypatch, [of(SAG, 60.0)], outside=outside)
+    assert len(asks) == sized
+    assert (found is not None) is named
+
+
 # --- which names are given
 
 
