@@ -34,7 +34,7 @@ from .nuisances import READ
 from .pool import Job
 from .rise import Rise
 from .search import RobotSearch
-from .settling import SIZES
+from .settling import at_other_sizes
 from .steps import BESIDE, HELD_OUT
 
 Floats = NDArray[np.float64]
@@ -171,8 +171,7 @@ class Rising:
 
     def _resized(self, found: RobotFit) -> tuple[RobotFit, float]:
         """A fit of the size that judges like best, as far as engines differ, and what it costs."""
-        aside = 1.0 + ENGINES_SHARE * np.array([0.0, *SIZES])
-        sized = [replace(found, z=np.append(found.z[:-1], x * found.z[-1])) for x in aside]
+        sized = [found, *at_other_sizes(self.search, found, found.names[-1])]
         cost, at = min((self._cost(one, self.judges), k) for k, one in enumerate(sized))
         return (self.search.replayed(sized[at]) if at else found), cost
 

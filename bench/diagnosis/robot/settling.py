@@ -56,6 +56,16 @@ def far_off(rms_rad: float, floor_rad: float) -> bool:
     return rms_rad > SAMPLES * floor_rad
 
 
+def at_other_sizes(search: RobotSearch, now: RobotFit, name: str) -> list[RobotFit]:
+    """A fit with other sizes of one of its effects, as far aside as two engines differ about it."""
+    at = len(now.z) - len(now.names) + now.names.index(name)
+    low, high = (ends[at] for ends in search.sight.box(now.names))
+    made = [replace(now, z=now.z.copy()) for _ in SIZES]
+    for fit, share in zip(made, SIZES, strict=True):
+        fit.z[at] = np.clip((1.0 + share * ENGINES_SHARE) * now.z[at], low, high)
+    return made
+
+
 @dataclass(frozen=True, slots=True)
 class Squares:
     """Mean squares of samples [rad^2]: of the steady part of recordings, and of all of them."""
@@ -371,15 +381,8 @@ class RobotJudges:
 
         They are of other loads, where a robot may be next to falling and a little decides.
         """
-        at = len(now.z) - len(now.names) + now.names.index(name)
-        low, high = (ends[at] for ends in self.search.sight.box(now.names))
-        best, least = now, self.square(now, self.judges)
-        for share in SIZES:
-            z = now.z.copy()
-            z[at] = np.clip((1.0 + share * ENGINES_SHARE) * z[at], low, high)
-            other = replace(now, z=z)
-            if (square := self.square(other, self.judges)) < least:
-                best, least = other, square
+        every = [now, *at_other_sizes(self.search, now, name)]
+        best = min(every, key=lambda fit: self.square(fit, self.judges))
         return best if best is now else self.search.replayed(best)
 
     def samples(self, found: RobotFit) -> Squares:
