@@ -52,19 +52,27 @@ def gait_search(
             "thesis's grid over v_left and v_right. Default: both, to compare them.",
         ),
     ] = None,
+    torque_limit: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE",
+            help="Of its stall torque no joint may need more. Keep below 0.75 as much as the model "
+            "shows less torque than the robot.",
+        ),
+    ] = 0.75,
 ) -> None:
-    """Search the fastest walk that keeps every joint's torque below 0.75 x stall.
+    """Search the fastest walk that keeps every joint's torque below a limit.
 
-    No fall and no self-collision either. The robot's own program walks over the emulated bus in
-    virtual time; torque is recovered from position errors, as on a real robot. A first try takes a
-    few minutes:
+    The limit is 0.75 x stall if you do not say another; no fall and no self-collision either. The
+    robot's own program walks over the emulated bus in virtual time; torque is recovered from
+    position errors, as on a real robot. A first try takes a few minutes:
 
         busemu gait-search --robot marvin --out marvin-gaits --budget 20 --seconds 5
 
     The thesis's own size, 100 walks of 10 s a method, takes ten times as long. Every finished walk
     is a row of walks.csv; Ctrl-C keeps them, and the same command goes on from there, also with a
-    larger budget. At the end the folder has result.json, landscape.png and best.toml, a robot file
-    for busemu walk.
+    larger budget or another limit. At the end the folder has result.json, landscape.png and
+    best.toml, a robot file for busemu walk.
     """
     from sim.entries import PhysicsError
 
@@ -79,6 +87,7 @@ def gait_search(
     within("--budget", budget, "walks", 1, MOST_WALKS)
     within("--processes", processes, "", 1, MOST_PROCESSES)
     within("--seed", seed, "", 0, LARGEST_SEED)
+    within("--torque-limit", torque_limit, "of the stall torque", 0.01, 1.0)
     if method is not None and method not in [m.value for m in Method]:
         fail(f"no method named {method!r}: use cma or grid, or leave --method away for both")
     methods = tuple(Method) if method is None else (Method(method),)
@@ -93,7 +102,7 @@ def gait_search(
             described = better
         least_s = shortest_s(described)
         within("--seconds", seconds, "s (two periods at least)", least_s, LONGEST_S)
-        ledger = Ledger(out, described)
+        ledger = Ledger(out, described, torque_limit)
         typer.echo(
             f"{described.name}: {' and '.join(m.value for m in methods)}, at most {budget} walks "
             f"of {seconds:g} s each, {processes} at once"

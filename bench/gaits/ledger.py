@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import tomllib
-from dataclasses import asdict, astuple, fields
+from dataclasses import asdict, astuple, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,14 @@ import tomli_w
 
 from busemu.tables import Robot
 
+from ..experiments.locomotion_result import TORQUE_LIMIT
 from ..files import write_csv, write_text
 from ..recording.metadata import fingerprint
 from .candidate import NAMES, Candidate, GaitSearchError
 from .outcome import Job, Outcome
 
 WALKS, SEARCH = "walks.csv", "search.toml"
-_MEASURED = tuple(field for field in fields(Outcome) if field.name != "job")
+_MEASURED = tuple(f for f in fields(Outcome) if f.name not in ("job", "torque_limit"))
 #: For the reader of the table; read back they are worked out again.
 _DERIVED = ("allowed", "reasons")
 COLUMNS = (*NAMES, "seconds", "seed", *(field.name for field in _MEASURED), *_DERIVED)
@@ -31,16 +32,22 @@ _READ = {"float": float, "int": int, "str": str}
 
 
 class Ledger:
-    """The walks of one robot file in one folder. Raises :class:`GaitSearchError`, ``OSError``."""
+    """The walks of one robot file in one folder, judged by one limit of torque.
 
-    def __init__(self, folder: Path, robot: Robot) -> None:
+    A walk is what was measured, so that other limits may judge the same folder. Raises
+    :class:`GaitSearchError`, ``OSError``.
+    """
+
+    def __init__(self, folder: Path, robot: Robot, torque_limit: float = TORQUE_LIMIT) -> None:
         self.folder = folder
         self.robot = robot
+        self.torque_limit = torque_limit
         self._of = {"robot": robot.name, "sha256": fingerprint(robot)}
         self._found: dict[Job, Outcome] = {}
         if (folder / WALKS).exists():
             self._check()
-            self._found = _read(folder / WALKS)
+            found = _read(folder / WALKS)
+            self._found = {job: self._judged(outcome) for job, outcome in found.items()}
 
     def __len__(self) -> int:
         return len(self._found)
@@ -49,13 +56,18 @@ class Ledger:
         """The finished walk, if it is there."""
         return self._found.get(job)
 
-    def add(self, outcome: Outcome) -> None:
-        """Keep a finished walk, on disk when this returns."""
+    def add(self, outcome: Outcome) -> Outcome:
+        """Keep a finished walk, on disk when this returns; the walk as it is judged."""
         if not self._found:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_text(self.folder / SEARCH, tomli_w.dumps(self._of))
-        self._found[outcome.job] = outcome
+        judged = self._judged(outcome)
+        self._found[outcome.job] = judged
         write_csv(self.folder / WALKS, COLUMNS, map(_row, self._found.values()))
+        return judged
+
+    def _judged(self, outcome: Outcome) -> Outcome:
+        return replace(outcome, torque_limit=self.torque_limit)
 
     def _check(self) -> None:
         path = self.folder / SEARCH

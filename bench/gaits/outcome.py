@@ -44,6 +44,7 @@ class Outcome:
     fell_after_s: float  #: since the first step; NaN if it did not fall
     clipped_goals: int
     missed_deadlines: int
+    torque_limit: float = TORQUE_LIMIT  #: that it is judged by, as ``torque_of_stall``
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
@@ -51,7 +52,7 @@ class Outcome:
         found = {
             Reason.FALL: not math.isnan(self.fell_after_s),
             Reason.SELF_COLLISION: self.self_collisions > 0 or self.self_collision_share > 0.0,
-            Reason.TORQUE: not self.torque_of_stall < TORQUE_LIMIT,
+            Reason.TORQUE: not self.torque_of_stall < self.torque_limit,
         }
         return tuple(reason for reason, holds in found.items() if holds)
 
@@ -63,7 +64,7 @@ class Outcome:
     @property
     def violation(self) -> float:
         """How far it is from being allowed: 0 if it is, more the longer and the more it is not."""
-        total = max(0.0, self.torque_of_stall / TORQUE_LIMIT - 1.0) + self.self_collision_share
+        total = max(0.0, self.torque_of_stall / self.torque_limit - 1.0) + self.self_collision_share
         if not math.isnan(self.fell_after_s):
             total += 2.0 - self.fell_after_s / self.job.seconds
         return total or (0.0 if self.allowed else 1e-9)
@@ -80,7 +81,7 @@ class Outcome:
     @property
     def torque_margin(self) -> float:
         """What is left to the limit, as a share of it."""
-        return 1.0 - self.torque_of_stall / TORQUE_LIMIT
+        return 1.0 - self.torque_of_stall / self.torque_limit
 
     @property
     def stride_m(self) -> float:

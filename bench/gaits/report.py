@@ -13,7 +13,6 @@ import tomli_w
 from hal.cpg import Gait
 
 from ..experiments.experiment import Comparison
-from ..experiments.locomotion_result import TORQUE_LIMIT
 from ..figures.style import save
 from ..figures.tables import aligned
 from ..files import finite, write_json, write_text
@@ -53,7 +52,7 @@ def document(result: Result) -> dict[str, Any]:
         "seconds": plan.seconds,
         "check_seconds": plan.check_s,
         "seed": plan.seed,
-        "torque_limit_of_stall": TORQUE_LIMIT,
+        "torque_limit_of_stall": result.original.torque_limit,
         "original": _walk(result.original, result),
         "methods": {found.method.value: _method(found, result) for found in result.found},
         "best_method": best.method.value if best is not None else None,
@@ -82,6 +81,7 @@ def _method(found: Found, result: Result) -> dict[str, Any]:
 def _walk(outcome: Outcome, result: Result) -> dict[str, Any]:
     measured = asdict(outcome)
     job = measured.pop("job")
+    del measured["torque_limit"]  # the same for all, and told once
     return {
         **job["candidate"],
         "seed": job["seed"],

@@ -153,7 +153,6 @@ class GaitSearch:
         for outcome in known.values():
             self._tell(outcome, False)
         for outcome in self._walks.run([job for job in dict.fromkeys(jobs) if job not in known]):
-            self._ledger.add(outcome)
-            known[outcome.job] = outcome
-            self._tell(outcome, True)
+            known[outcome.job] = judged = self._ledger.add(outcome)
+            self._tell(judged, True)
         return [known[job] for job in jobs]

@@ -146,14 +146,25 @@ def largest_torque(
     span: tuple[float, float],
 ) -> tuple[str, float]:
     """Joint and size of the largest torque over a span [s], as a share of its stall torque."""
+    largest = largest_torques(robot, sensors, recording, span)
+    worst = max(largest, key=lambda joint: largest[joint])
+    return worst, largest[worst]
+
+
+def largest_torques(
+    robot: Robot,
+    sensors: Mapping[str, TorqueSensor],
+    recording: Recording,
+    span: tuple[float, float],
+) -> dict[str, float]:
+    """The largest torque of every joint over a span [s], as a share of its stall torque."""
     largest = {}
     for joint, sensor in sensors.items():
         read = samples(recording, robot, joint, span)
         velocity = velocity_rad_s(read.t_s, read.position_rad)
         torque_nm = sensor.torque_nm(read.error_rad, read.voltage_v, velocity)
         largest[joint] = float(np.nanmax(np.abs(torque_nm))) / sensor.stall_nm
-    worst = max(largest, key=lambda joint: largest[joint])
-    return worst, largest[worst]
+    return largest
 
 
 def steady_from_s(job: Job, span: tuple[float, float]) -> float:

@@ -88,6 +88,7 @@ def family(group):
         (["--robot", "marvin", "--seconds", "1"], "2.4 to 604800 s (two periods at least), not 1"),
         (["--robot", "marvin", "--method", "guess"], "use cma or grid"),
         (["--robot", "marvin", "--seed", "-1"], "--seed"),
+        (["--robot", "marvin", "--torque-limit", "75"], "0.01 to 1 of the stall torque, not 75"),
         (["--robot", "pendulum"], "this robot cannot walk"),
         (["--robot", "marvin", "--model", "nowhere.toml"], "nowhere.toml: cannot be read"),
     ],

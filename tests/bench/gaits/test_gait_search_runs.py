@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from pretended_walks import MARVIN, ORIGINAL, Pretended, outcome
 
+from bench.experiments.locomotion_result import TORQUE_LIMIT
 from bench.gaits import search as searching
 from bench.gaits.candidate import GaitSearchError
 from bench.gaits.ledger import SEARCH, WALKS, Ledger
@@ -24,9 +25,9 @@ from hal.cpg import Gait
 PLAN = Plan(budget=16, seconds=5.0)
 
 
-def search(folder, walk, plan=PLAN, processes=1, tell=None):
+def search(folder, walk, plan=PLAN, processes=1, tell=None, limit=TORQUE_LIMIT):
     with Walks(walk, processes) as walks:
-        return GaitSearch(MARVIN, plan, Ledger(folder, MARVIN), walks, tell).run()
+        return GaitSearch(MARVIN, plan, Ledger(folder, MARVIN, limit), walks, tell).run()
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +94,24 @@ def test_a_larger_budget_goes_on_from_a_smaller_one(tmp_path):
     assert [o.job for o in first.found[0].outcomes] == walks[:8]
     fresh = search(tmp_path / "fresh", Pretended(tmp_path / "other"), large)
     assert document(fresh) == document(second)
+
+
+def test_a_lower_limit_judges_the_same_walks_and_finds_a_gait_below_it(tmp_path):
+    folder, pretended = tmp_path / "out", Pretended(tmp_path / "log")
+    search(folder, pretended)
+    before = len(pretended.walked)
+    lower = search(folder, pretended, limit=0.5)
+    assert lower.original.torque_limit == document(lower)["torque_limit_of_stall"] == 0.5
+    checks = [check for each in lower.found for check in each.checks]
+    assert checks
+    assert max(check.torque_of_stall for check in checks) < 0.5
+    assert any(not o.allowed for each in lower.found for o in each.outcomes)
+    grid = PLAN.budget  # which is the same whatever is allowed
+    assert len(pretended.walked) < before + len({j for each in jobs(lower) for j in each}) - grid
+    again = Ledger(folder, MARVIN)
+    assert [again.get(o.job).allowed for o in lower.found[0].outcomes] != [
+        o.allowed for o in lower.found[0].outcomes
+    ]
 
 
 def test_two_processes_find_what_one_does(found, tmp_path):
