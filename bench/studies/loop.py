@@ -4,7 +4,8 @@ A robot of another engine, with soft tips and soft joints that its file does not
 and diagnosed from its joints. Then the robot's own program walks, unmodified, over the emulated bus
 once with the file as it was and once with the better model; and both are compared with how the
 robot itself walked a walk that the diagnosis has not seen. At last a fast gait is searched on the
-first model, the search goes on from it on the better one, and the robot itself walks both.
+first model, each as far below the limit of torque as it is short of torque in the recorded walks;
+the search goes on from it on both, as long, and the robot itself walks what either found.
 """
 
 from __future__ import annotations
@@ -148,15 +149,36 @@ def study(seed: int, out: Path, say: Say) -> dict[str, Any]:
         out / "loop.png",
     )
     write_json(out / "loop.json", finite(result))
-    first = loop_gaits.searched(base, out / "gaits-before", say)
-    more = loop_gaits.searched(better, out / "gaits-after", say, first.candidate)
-    result["gaits"] = {
-        name: loop_gaits.told(run, found, say)
-        for name, found in (("before", first), ("after", more))
-    }
+    known = [(plan, recorded[name]) for name, plan in (FITTED | JUDGING).items()]
+    known.append((UNSEEN, real.recording))
+    result["gaits"] = _gaits(run, {"before": base, "after": better}, known, out, say)
     write_json(out / "loop.json", finite(result))
     journal.finished()
     return result
+
+
+def _gaits(
+    run: Run,
+    models: dict[str, Robot],
+    known: Sequence[tuple[WalkPlan, Recording]],
+    out: Path,
+    say: Say,
+) -> dict[str, Any]:
+    """A gait searched on each model, and walked by the robot; ``known`` walks are of the robot."""
+    base = models["before"]
+    short = {}
+    for name, model in models.items():
+        say(f"looking how far the model {name} is short of torque")
+        walks = [
+            (real, emulated(model, plan, name).recording, plan.seconds) for plan, real in known
+        ]
+        short[name] = loop_gaits.short_of_torque(base, walks)
+    begin = loop_gaits.searched(base, short["before"], out / "gaits-before", say).candidate
+    found = {
+        name: loop_gaits.searched(model, short[name], out / f"gaits-{name}", say, begin)
+        for name, model in models.items()
+    }
+    return {name: loop_gaits.told(run, one, short[name], say) for name, one in found.items()}
 
 
 def _recorded(run: Run, plan: WalkPlan, name: str, folder: Path, say: Say) -> Recording:

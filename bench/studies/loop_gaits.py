@@ -1,5 +1,8 @@
 """Gaits searched on a model and walked by the robot itself, so that models can be compared.
 
+A model that shows less torque than the robot needs cannot be trusted up to the limit. How much less
+is known from the walks that were recorded, and each model is searched so far below it.
+
 The robot is of another engine, which knows no self-collision: that is judged on the model alone.
 """
 
@@ -13,6 +16,7 @@ from statistics import fmean
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.blind.scenes import SCENES, play
 from bench.diagnosis.watch import Say
@@ -23,16 +27,25 @@ from bench.gaits.ledger import Ledger
 from bench.gaits.methods import Method
 from bench.gaits.outcome import Job, Outcome
 from bench.gaits.search import CHECK_S, CHECKS, Found, GaitSearch, Plan
-from bench.gaits.walking import Walker, largest_torque, steady_from_s, torque_sensors
+from bench.gaits.walking import (
+    Walker,
+    largest_torque,
+    largest_torques,
+    steady_from_s,
+    torque_sensors,
+)
 from bench.gaits.walks import Walks
 from bench.motions import WalkPlan
+from bench.recording import Recording, joint_track
 from busemu.tables import Robot
 
 from .stance_runs import CAPTURED, SCENE, Run, recording_of, specimen
 
-#: on the model before; the better one goes on from what was found there, as its user would
+Floats = NDArray[np.float64]
+
+#: on the model before; then both go on from what was found there, for so many walks; assumed
 PLAN = Plan(budget=128, seconds=5.0, methods=(Method.CMA,))
-MORE = 64  #: walks on the better model; assumed
+MORE = 256
 PROCESSES = 2
 PATH = tuple(f"mocap/base_{name}" for name in ("x_m", "y_m", "yaw_rad"))
 LEANING_RAD = math.radians(45.0)  #: so far, and it has fallen; assumed
@@ -53,10 +66,35 @@ class Walked:
         return not self.fell and self.torque_of_stall < TORQUE_LIMIT
 
 
-def searched(robot: Robot, folder: Path, say: Say, begin: Candidate | None = None) -> Found:
-    """The fastest gait on one model; walks that are in the folder are not made again.
+def short_of_torque(robot: Robot, walks: Sequence[tuple[Recording, Recording, float]]) -> float:
+    """How much less torque a model shows than the robot itself, as a share of the stall torque.
 
-    With a gait to ``begin`` with the search goes on from there, for fewer walks.
+    Of every walk what the robot and what the model recorded, and its length [s]. The most that any
+    joint's largest torque is short in any walk; 0 if none is.
+    """
+    sensors = torque_sensors(robot)
+    short = [0.0]
+    for real, modelled, seconds in walks:
+        largest = []
+        for recording in (real, modelled):
+            end_s = max(read[-1] for read in _read_s(recording, robot))
+            largest.append(largest_torques(robot, sensors, recording, (end_s - seconds, end_s)))
+        short += [largest[0][joint] - largest[1][joint] for joint in sensors]
+    return max(short)
+
+
+def _read_s(recording: Recording, robot: Robot) -> list[Floats]:
+    """When each joint was read [s]."""
+    return [joint_track(recording, m.joint, robot).position_t_s for m in robot.servos]
+
+
+def searched(
+    robot: Robot, short: float, folder: Path, say: Say, begin: Candidate | None = None
+) -> Found:
+    """The fastest gait on one model that is ``short`` of torque (:func:`short_of_torque`).
+
+    Walks that are in the folder are not made again. With a gait to ``begin`` with the search goes
+    on from there, for fewer walks.
     """
     plan = PLAN if begin is None else replace(PLAN, budget=MORE, begin=begin)
     done = 0
@@ -68,7 +106,8 @@ def searched(robot: Robot, folder: Path, say: Say, begin: Candidate | None = Non
             say(f"searching a gait on {folder.name}: {done} walks")
 
     with Walks(Walker(robot), PROCESSES) as walks:
-        result = GaitSearch(robot, plan, Ledger(folder, robot), walks, tell).run()
+        ledger = Ledger(folder, robot, TORQUE_LIMIT - short)
+        result = GaitSearch(robot, plan, ledger, walks, tell).run()
     (found,) = result.found
     return found
 
@@ -93,7 +132,7 @@ def really(run: Run, candidate: Candidate, seed: int) -> Walked:
     return Walked(0.0 if fell else way.speed_m_s, torque, joint, fell)
 
 
-def told(run: Run, found: Found, say: Say) -> dict[str, Any]:
+def told(run: Run, found: Found, short: float, say: Say) -> dict[str, Any]:
     """A gait on its own model and as the robot walks it, for ``loop.json``; empty if none."""
     gait = found.candidate
     if gait is None:
@@ -105,6 +144,7 @@ def told(run: Run, found: Found, say: Say) -> dict[str, Any]:
     return {
         "gait": asdict(gait),
         "model": {
+            "short_of_torque": short,
             "speed_m_s": found.speed_m_s,
             "torque_of_stall": max(c.torque_of_stall for c in found.checks),
         },
@@ -127,7 +167,8 @@ def lines(gaits: dict[str, dict[str, Any]]) -> Sequence[str]:
             continue
         own, real = one["model"], one["robot"]
         said.append(
-            f"gait found on the model {model}: {1e3 * own['speed_m_s']:.0f} mm/s there, "
+            f"gait found on the model {model}, searched {own['short_of_torque']:.2f} of stall "
+            f"below the limit, as it was short of torque: {1e3 * own['speed_m_s']:.0f} mm/s there, "
             f"{1e3 * real['speed_m_s']:.0f} mm/s by the robot, which needs "
             f"{real['torque_of_stall']:.2f} of stall ({real['allowed']} of {real['of']} walks "
             f"within {TORQUE_LIMIT:g})"

@@ -34,7 +34,7 @@ from .nuisances import READ
 from .pool import Job
 from .rise import Rise
 from .search import RobotSearch
-from .settling import at_other_sizes
+from .sizes import at_other_sizes
 from .steps import BESIDE, HELD_OUT
 
 Floats = NDArray[np.float64]

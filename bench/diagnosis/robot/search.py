@@ -112,7 +112,7 @@ class RobotSearch(Steps):
             g.name: self._alike(first, g, s, wanted) for g, s in zip(taken, tried, strict=False)
         }
         pruned, taken = self._prune(now, taken)
-        now = now if pruned is now else self.settle(pruned)
+        now = self.settle(pruned) if taken else pruned  # as those are that it is judged by
         now, taken = self._standing(base, now, taken)
         return RobotFindings(base, now, tuple(taken), (*tried, *alone), alike, screened)
 

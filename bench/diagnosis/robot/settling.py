@@ -12,7 +12,7 @@ from busemu.tables import Robot
 
 from ..joint.growing import RELIEF
 from ..joint.rivals import CLOSE
-from .causes import ENGINES_SHARE, number_of
+from .causes import number_of
 from .features import RobotKind
 from .fit import RobotFit, voltage_noise
 from .gains import RobotFindings, RobotGain
@@ -23,7 +23,8 @@ from .nuisances import RobotNuisance
 from .regulated import most_off
 from .rest import Rest, rest_of
 from .search import AT_END, RobotSearch
-from .steps import BESIDE, much_worse
+from .sizes import BETWEEN, best_size
+from .steps import BESIDE, WORSE, much_worse
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere; ten nulls of another engine had 0.20 to 0.56, and 0.40 to 1.65
@@ -44,7 +45,7 @@ LITTLE = 0.1  #: share of the misfit above the floor that a name must take away 
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
 #: for; assumed
 SPOILT = 0.1
-SIZES = (-1.0, -0.5, 0.5, 1.0)  #: of what two engines differ by, that a name is asked for at
+FALLEN = 30.0  #: floors of misfit beyond which a robot stands or lies otherwise; assumed
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
 FARTHER = "its number is as far as it may be, and would go farther: it stands for something else"
@@ -54,16 +55,6 @@ NO_BETTER = "recordings that were not used to fit are no better with it"
 def far_off(rms_rad: float, floor_rad: float) -> bool:
     """Whether walked samples are farther off than those of a sound model may be."""
     return rms_rad > SAMPLES * floor_rad
-
-
-def at_other_sizes(search: RobotSearch, now: RobotFit, name: str) -> list[RobotFit]:
-    """A fit with other sizes of one of its effects, as far aside as two engines differ about it."""
-    at = len(now.z) - len(now.names) + now.names.index(name)
-    low, high = (ends[at] for ends in search.sight.box(now.names))
-    made = [replace(now, z=now.z.copy()) for _ in SIZES]
-    for fit, share in zip(made, SIZES, strict=True):
-        fit.z[at] = np.clip((1.0 + share * ENGINES_SHARE) * now.z[at], low, high)
-    return made
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,19 +296,22 @@ class RobotJudges:
         while taken and self.held_out:
             say("asking recordings that were not used to fit")
             floor, before = self.floor_square, self.square(found.base, self.judges)
-            least = max(RELIEF * floor, LITTLE * (before - floor))
+            least = max(RELIEF * floor, LITTLE * min(before - floor, FALLEN * floor))
             fits = {gain.name: self.without(found.base, now, gain.name) for gain in taken}
             seen = self.samples(now)
             spare = {name: self._spare(fit, now, seen, least) for name, fit in fits.items()}
             worst = min(taken, key=lambda gain: spare[gain.name])
             if spare[worst.name] > 0.0 and (not much_worse(seen.whole, begun) or risen(now)):
                 break
-            if worst.name not in resized:
-                resized.add(worst.name)
-                other = self.resized(now, worst.name)
-                if other is not now:
-                    now = other
-                    continue
+            others = [gain.name for gain in taken] if self.fallen(now) else []
+            asked = [n for n in dict.fromkeys((worst.name, *others)) if n not in resized]
+            sized = {name: self.resized(now, name) for name in asked}
+            better = [name for name, fit in sized.items() if fit is not now]
+            if better:
+                name = min(better, key=lambda name: self.square(sized[name], self.judges))
+                resized.add(name)
+                now = sized[name]
+                continue
             rejected.append(self._taken_back(worst, NO_BETTER))
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
@@ -366,23 +360,27 @@ class RobotJudges:
         """
         if self.duties_denied(without) and self.quiet(now):
             return np.inf
-        frees = bool(self.strained(without)) and not self.strained(now)
-        frees |= self.restores(without, now)
+        restores = self.restores(without, now)
+        frees = restores or (bool(self.strained(without)) and not self.strained(now))
         if frees and len(now.names) > 1:
             frees = self.outside(now) < self.outside(without)
-        allowed = self.samples(without).steady * (1.0 + SPOILT if frees else 1.0)
-        if seen.steady >= allowed:
+        worse = (WORSE if restores else 1.0 + SPOILT) if frees else 1.0
+        if seen.steady >= worse * self.samples(without).steady:
             return -np.inf
         off = self.square(without, self.judges) - self.square(now, self.judges)
         return off + least if frees else off - least
+
+    def fallen(self, found: RobotFit) -> bool:
+        """Whether a fit stands or lies otherwise where it is judged, as if next to falling."""
+        return self.square(found, self.judges) > FALLEN * self.floor_square
 
     def resized(self, now: RobotFit, name: str) -> RobotFit:
         """A fit with the size of one effect that recordings which judge like best, or itself.
 
         They are of other loads, where a robot may be next to falling and a little decides.
         """
-        every = [now, *at_other_sizes(self.search, now, name)]
-        best = min(every, key=lambda fit: self.square(fit, self.judges))
+        steps = BETWEEN if self.fallen(now) else ()
+        best = best_size(self.search, now, name, lambda fit: self.square(fit, self.judges), steps)
         return best if best is now else self.search.replayed(best)
 
     def samples(self, found: RobotFit) -> Squares:

@@ -749,6 +749,7 @@ class Stepping(RobotSearch):
         self._exchanged = lambda now, taken, tried: (now, taken, tried)
         self._alike = lambda *_: ()
         self._prune = self._standing_as_taken
+        self.settle = lambda found: replace(found, cost=found.cost - 1.0)
         self._worth_looking = lambda first, named: []
 
     @staticmethod
@@ -782,6 +783,7 @@ def test_of_a_fit_that_is_done_nothing_more_is_asked(enough):
     found = search.run(most=3, base=fit_of(()), done=lambda now: len(now.names) >= enough)
     assert len(found.taken) == min(enough, 3)
     assert search.steps == list(range(min(enough, 3)))
+    assert found.fit.cost == found.taken[-1].fit.cost - 1.0  # settled, as those without a name are
 
 
 def test_beside_a_fit_that_is_done_nothing_is_tried_but_what_had_gained_in_its_place():
@@ -876,7 +878,7 @@ def test_what_is_taken_stays_when_time_is_up_before_a_pair():
     search._together = late
     found = search.run(base=fit_of(()))
     assert [gain.name for gain in found.taken] == ["effect0@all"]
-    assert found.fit is found.taken[0].fit
+    assert found.fit.names == found.taken[0].fit.names
 
 
 @pytest.mark.parametrize("most", [2, 3])

@@ -23,6 +23,7 @@ from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
     DUTIES_OFF,
     FAINT,
+    FALLEN,
     FAR,
     FARTHER,
     FITTED,
@@ -494,6 +495,14 @@ def test_a_name_that_takes_less_than_a_tenth_away_goes():
     assert kept({(): before, ("a",): before - 0.9 * least}) == ()
 
 
+def test_of_a_robot_that_lies_otherwise_a_name_must_take_no_tenth_of_that():
+    before = 1.0 + 100.0 * FALLEN
+    squares = {(): before, ("a",): 5.0 * FALLEN, ("b",): before}
+    least = LITTLE * FALLEN
+    assert kept(squares | {("a", "b"): 5.0 * FALLEN - 1.1 * least}) == ("a", "b")
+    assert kept(squares | {("a", "b"): 5.0 * FALLEN - 0.9 * least}) == ("a",)
+
+
 def test_where_little_is_to_be_explained_a_name_must_take_away_some_of_the_floor():
     assert kept({(): 1.1, ("a",): 1.1 - 1.1 * RELIEF}) == ("a",)
     assert kept({(): 1.1, ("a",): 1.1 - 0.9 * RELIEF}) == ()
@@ -536,6 +545,9 @@ def test_a_name_that_voltages_ask_for_need_not_be_better_where_tolerances_forete
     for outside, names in ((-1.0, ("a", "b")), (1.0, ("a",))):
         costs = dict.fromkeys(squares, 100.0) | {("a", "b"): 100.0 + outside}
         assert kept(squares, denied={("a",): -0.7}, costs=costs) == names
+    for samples, names in ((0.99 * WORSE, ("a",)), (1.01 * WORSE, ())):
+        worse, whole = {(): 1.0, ("a",): samples}, {(): 1.0, ("a",): 1.0}
+        assert kept(slightly, worse, whole=whole, denied={(): -0.7}) == names
 
 
 @pytest.mark.parametrize(("outside", "names"), [(-1.0, ("a", "b")), (1.0, ("a",))])
@@ -624,6 +636,44 @@ def test_a_name_is_taken_at_a_size_that_judges_bear_out_if_engines_may_differ_by
     assert steep(2.0, nowhere) == ([], [])
     # where it holds as it is, it is asked for at no other size
     assert steep(2.0, cliff | {0.0: 1.6}) == (["a"], [2.0])
+
+
+class Leaning(Steep):
+    """A cliff in the size of ``b`` that a robot with ``a`` stands on the wrong side of."""
+
+    __slots__ = ()
+    cliff: ClassVar = 0.0
+
+    def square(self, found, which):
+        if found.names != ("a", "b"):
+            return {("a",): 80.0, ("b",): 20.0, (): 90.0}[found.names]
+        return 1.0 + 9000.0 * abs(found.z[1] - self.cliff)
+
+    def without(self, base, now, name):
+        left = tuple(other for other in now.names if other != name)
+        return RobotFit(left, np.zeros(len(left)), {}, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("share", "taken"), [(0.125, ["a", "b"]), (-0.9375, ["a", "b"]), (1.5, ["b"]), (0, ["a", "b"])]
+)
+def test_next_to_falling_every_name_is_asked_for_at_sizes_a_little_aside(monkeypatch, share, taken):
+    cliff = 1.0 + share * ENGINES_SHARE
+    monkeypatch.setattr(Leaning, "cliff", cliff)
+    monkeypatch.setattr(Given, "whole", dict.fromkeys([(), ("a",), ("b",), ("a", "b")], 1.0))
+    placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in "ab"}
+    sight = SimpleNamespace(box=lambda names: (np.zeros(2), np.full(2, 9.0)))
+    search = SimpleNamespace(
+        model=SimpleNamespace(placed=placed), sight=sight, replayed=lambda found: found
+    )
+    own = Leaning(search, None, FITS, JUDGES, held_out=True)
+    now = RobotFit(("a", "b"), np.ones(2), {}, 0.0)
+    gains = [SimpleNamespace(name=n, deflated=20.0) for n in "ab"]
+    found = SimpleNamespace(base=RobotFit((), np.zeros(0), {}, 0.0), fit=now, taken=gains)
+    kept, after, _ = own.kept(found, lambda _: None)
+    assert [gain.name for gain in kept] == taken
+    if taken == ["a", "b"]:
+        assert after.z == pytest.approx([1.0, cliff])
 
 
 def test_no_size_is_beyond_what_an_effect_may_be():
