@@ -56,6 +56,7 @@ def read_tables(paths: Iterable[Path]) -> list[Case]:
 def rows(cases: Sequence[Case]) -> dict[str, Row]:
     """What is counted, by its name on a page."""
     single = [c for c in cases if c["kind"] == "single"]
+    pairs = [c for c in cases if c["kind"] == "pair"]
     nulls = [c for c in cases if c["kind"] == "null"]
     large = [c for c in single if float(c["ratio"]) >= AT_3]
     small = [c for c in single if AT_1 <= float(c["ratio"]) < AT_3]
@@ -79,9 +80,10 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "the same where they leave less than one": _flags(
             (c for c in single if left(c) < LEFT_1), "first_right"
         ),
-        "full set right, pairs": _flags(
-            (c for c in cases if c["kind"] == "pair"), "full_set_right"
+        "full set right, pairs of 3 floors and more each": _flags(
+            (c for c in pairs if float(c["ratio"]) >= AT_3), "full_set_right"
         ),
+        "the same, pairs of any size": _flags(pairs, "full_set_right"),
         "nulls that are not *consistent*": share(c["verdict"] != "consistent" for c in nulls),
         "nulls that have a name": share(bool(c["labels"]) for c in nulls),
         "names said that are true": share(label != "wrong" for label in names),

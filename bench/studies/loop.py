@@ -5,7 +5,7 @@ and diagnosed from its joints. Then the robot's own program walks, unmodified, o
 once with the file as it was and once with the better model; and both are compared with how the
 robot itself walked a walk that the diagnosis has not seen. At last a fast gait is searched on the
 first model, each as far below the limit of torque as it is short of torque in the recorded walks;
-the search goes on from it on both, as long, and the robot itself walks what either found.
+the search goes on from there on both, as long, and the robot itself walks what either found.
 """
 
 from __future__ import annotations
@@ -173,7 +173,11 @@ def _gaits(
             (real, emulated(model, plan, name).recording, plan.seconds) for plan, real in known
         ]
         short[name] = loop_gaits.short_of_torque(base, walks)
-    begin = loop_gaits.searched(base, short["before"], out / "gaits-before", say).candidate
+    begin = None
+    for _ in range(2):  # from the file's gait, and from what was found
+        begin = loop_gaits.searched(
+            base, short["before"], out / "gaits-before", say, begin
+        ).candidate
     found = {
         name: loop_gaits.searched(model, short[name], out / f"gaits-{name}", say, begin)
         for name, model in models.items()

@@ -43,7 +43,7 @@ from .stance_runs import CAPTURED, SCENE, Run, recording_of, specimen
 
 Floats = NDArray[np.float64]
 
-#: on the model before; then both go on from what was found there, for so many walks; assumed
+#: on the model before; it goes on from what it found, and then both do, for so many walks; assumed
 PLAN = Plan(budget=128, seconds=5.0, methods=(Method.CMA,))
 MORE = 256
 PROCESSES = 2

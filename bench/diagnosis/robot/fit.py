@@ -53,7 +53,6 @@ class RobotFit:
     noise: Mapping[RobotKind, Noise]
     cost: float  #: negative log-likelihood with the priors [nats]
     once: float = 0.0  #: that of registers in it, whose gains are not divided [nats]
-    duty: float = 0.0  #: that of duties in it [nats]
 
     @property
     def knobs(self) -> Floats:
@@ -161,11 +160,8 @@ class Sight:
         noise: Mapping[RobotKind, Noise],
     ) -> RobotFit:
         total = self.cost(blocks, noise) + self._prior(z, names)
-        volts, duty = (
-            self.cost({key: block for key, block in blocks.items() if key[1] is kind}, noise)
-            for kind in REGISTERS
-        )
-        return RobotFit(tuple(names), z, noise, total, volts + duty, duty)
+        own = {key: block for key, block in blocks.items() if key[1] in REGISTERS}
+        return RobotFit(tuple(names), z, noise, total, self.cost(own, noise))
 
     def box(self, names: Sequence[str]) -> tuple[Floats, Floats]:
         """The least and the greatest of every number; idle nuisances stay at 0, held knobs too."""

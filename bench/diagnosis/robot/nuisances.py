@@ -320,7 +320,7 @@ COMMON = {
     "supply": ("(ratio)", 0.02, "battery from charge to charge; assumed"),
     "gain": ("(ratio)", 0.03, "scale of a gain register; assumed"),
     LATE: ("s", 0.001, "a host's adapter; assumed"),
-    "grip": ("(ratio)", 0.30 / ROOT3, "friction of a floor +-30 %; assumed"),
+    "grip": ("(ratio)", 0.20 / ROOT3, "friction of a floor +-20 %; assumed"),
     TURNING: ("(ratio)", 0.5, "a foot turns on a point, or on all of its width; assumed"),
     "motors": ("(ratio)", 0.10 / ROOT3, "motors of one make: +-10 %"),
     STALL: ("(ratio)", 0.06, "whether a stall torque is told with friction or before it; assumed"),

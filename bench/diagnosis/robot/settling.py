@@ -14,7 +14,7 @@ from ..joint.growing import RELIEF
 from ..joint.rivals import CLOSE
 from .causes import number_of
 from .features import RobotKind
-from .fit import RobotFit, voltage_noise
+from .fit import FIRM, REGISTERS, RobotFit, voltage_noise
 from .gains import RobotFindings, RobotGain
 from .improved import of_settings, tolerated
 from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
@@ -251,11 +251,13 @@ class RobotJudges:
         apart = [b.apart() ** 2 / (floor + b.extra) for b in own]
         return max(float(np.mean(np.concatenate(ratio))) for ratio in (whole, apart))
 
-    def outside(self, found: RobotFit) -> float:
-        """What a fit costs on recordings that it has not seen [nats]."""
+    def outside(self, found: RobotFit, firm: float = 1.0) -> float:
+        """What a fit costs on recordings that judge [nats], all but registers divided."""
         self.model.recentre(found.settings, found.nuisances, self.judges)
-        blocks = self.search.sight.blocks(found.names, found.z, self.judges)
-        return self.search.sight.cost(blocks, found.noise)
+        sight = self.search.sight
+        blocks = sight.blocks(found.names, found.z, self.judges)
+        once = sight.cost({k: b for k, b in blocks.items() if k[1] in REGISTERS}, found.noise)
+        return (sight.cost(blocks, found.noise) - once) / firm + once
 
     @property
     def floor_square(self) -> float:
@@ -363,7 +365,7 @@ class RobotJudges:
         restores = self.restores(without, now)
         frees = restores or (bool(self.strained(without)) and not self.strained(now))
         if frees and len(now.names) > 1:
-            frees = self.outside(now) < self.outside(without)
+            frees = self.outside(now, FIRM) < self.outside(without, FIRM)
         worse = (WORSE if restores else 1.0 + SPOILT) if frees else 1.0
         if seen.steady >= worse * self.samples(without).steady:
             return -np.inf

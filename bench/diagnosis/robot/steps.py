@@ -277,7 +277,7 @@ class Steps(ExactFits):
             beside = " beside what is named" if now.names else ""
             return f"less than the {needed:.0f} nats that a name needs{beside}"
         outside = gain.held_out
-        shown = now.duty - gain.fit.duty >= BESIDE
+        shown = now.once - gain.fit.once >= BESIDE  # by registers
         if shown or outside is None or outside / gain.inflation > HELD_OUT:
             return ""
         if outside > -gain.apart and counts >= BESIDE:

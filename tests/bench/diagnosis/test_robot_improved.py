@@ -190,9 +190,9 @@ def test_gears_are_looked_at_in_the_joints_that_carry_the_robot_together():
     assert "coulomb_friction@femur+tibia" not in known
 
 
-def test_a_floor_of_three_fifths_of_its_grip_is_no_tolerance():
+def test_a_floor_of_three_quarters_of_its_grip_is_no_tolerance():
     (grip,) = [n for n in every() if n.name == "grip"]
     low, high = np.multiply(grip.ends, grip.deviation)
     assert low == -high
-    assert 0.30 < high < 0.40  # friction within 30 %, and not much more
+    assert 0.20 < high < 0.25  # what two engines differ by, 0.20 at most, and not much more
     assert grip.same == ("foot_slip@all",)

@@ -687,11 +687,11 @@ def test_what_voltages_tell_is_not_deflated(once, holds):
 
 
 @pytest.mark.parametrize(("shown", "holds"), [(0.0, False), (0.9, False), (1.1, True)])
-def test_what_loads_show_by_themselves_asks_no_group(shown, holds):
+def test_what_registers_show_by_themselves_asks_no_group(shown, holds):
     """A gain of 0.75 in a leg that stands: groups left out cost more, as where feet stick does."""
-    now = RobotFit((), np.zeros(0), {}, 0.0, once=50.0, duty=50.0)
+    now = RobotFit((), np.zeros(0), {}, 0.0, once=50.0)
     left = 50.0 - shown * BESIDE
-    found = RobotFit(("effect0@all",), np.zeros(1), {}, -40.0, once=left, duty=left)
+    found = RobotFit(("effect0@all",), np.zeros(1), {}, -40.0, once=left)
     gain = RobotGain("effect0@all", found, 40.0, 1.2, -3.0 * APART_NATS)
     assert Exact({})._holds(gain, now) is holds
 

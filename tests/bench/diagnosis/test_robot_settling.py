@@ -14,7 +14,7 @@ from bench.diagnosis.robot import settling
 from bench.diagnosis.robot.causes import ENGINES_SHARE
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import RobotKind
-from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.fit import FIRM, RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotFindings, RobotGain
 from bench.diagnosis.robot.limits import other_volts
 from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
@@ -341,7 +341,8 @@ class Given(RobotJudges):
     def ordinary(self, now, name):
         return name in self.usual
 
-    def outside(self, found):
+    def outside(self, found, firm=1.0):
+        assert firm == FIRM
         return self.costs[found.names]
 
     def strained(self, found):
@@ -548,6 +549,17 @@ def test_a_name_that_voltages_ask_for_need_not_be_better_where_tolerances_forete
     for samples, names in ((0.99 * WORSE, ("a",)), (1.01 * WORSE, ())):
         worse, whole = {(): 1.0, ("a",): samples}, {(): 1.0, ("a",): 1.0}
         assert kept(slightly, worse, whole=whole, denied={(): -0.7}) == names
+
+
+def test_what_registers_say_of_other_recordings_is_not_divided():
+    own = judges({})
+    blocks = {(2, RobotKind.JOINTS): 40.0, (2, RobotKind.VOLTAGE): 3.0, (2, RobotKind.DUTY): 2.0}
+    own.search.sight = SimpleNamespace(
+        blocks=lambda names, z, which: blocks, cost=lambda some, noise: sum(some.values())
+    )
+    found = RobotFit(("a",), np.zeros(1), {}, 0.0)
+    assert RobotJudges.outside(own, found) == 45.0
+    assert RobotJudges.outside(own, found, 4.0) == 15.0
 
 
 @pytest.mark.parametrize(("outside", "names"), [(-1.0, ("a", "b")), (1.0, ("a",))])

@@ -36,10 +36,12 @@ def test_sizes_count_where_they_belong():
         case(ratio=AT_3 - 0.01, first_right=1),
         case(ratio=AT_1 - 0.01),
         case("pair", ratio=9.0, full_set_right=1),
+        case("pair", ratio=AT_3 - 0.01),
     ]
     assert counted("class right at", *few) == (0.5, 2)
     assert counted("the same at", *few) == (1.0, 1)
     assert counted("full set", *few) == (1.0, 1)
+    assert counted("the same, pairs", *few) == (0.5, 2)
 
 
 def test_sizes_of_a_walk_count_where_a_run_has_them():
