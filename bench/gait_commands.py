@@ -105,7 +105,7 @@ def gait_search(
         ledger = Ledger(out, described, torque_limit)
         typer.echo(
             f"{described.name}: {' and '.join(m.value for m in methods)}, at most {budget} walks "
-            f"of {seconds:g} s each, {processes} at once"
+            f"of {seconds:g} s each, torque below {torque_limit:g} x stall, {processes} at once"
             + (f"; {len(ledger)} walks are there already" if len(ledger) else "")
         )
         with Walks(Walker(described), processes) as walks, _bar(plan) as tell:
@@ -121,8 +121,8 @@ def gait_search(
         raise typer.Exit(130) from None
     typer.echo(f"\n{summary(result)}\n\nlook at   {', '.join(map(str, written))}")
     command = walk_command(result, out)
-    if command is not None:
-        typer.echo(f"try next  {command} --virtual")
+    instead = "a larger --budget, or a higher --torque-limit: no gait kept the rules"
+    typer.echo(f"try next  {instead if command is None else f'{command} --virtual'}")
 
 
 @contextmanager

@@ -57,7 +57,8 @@ def landscape(result: Result) -> Figure:
     panels = figure.subplots(1, len(result.found) + 1, squeeze=False)[0]
     figure.suptitle(
         f"{result.robot.name}: walks of {result.plan.seconds:g} s, "
-        f"at most {result.plan.budget} a method",
+        f"at most {result.plan.budget} a method, "
+        f"torque below {result.original.torque_limit:g} x stall",
         x=0.01,
         ha="left",
         fontsize=11.0,

@@ -11,6 +11,7 @@ import contextlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +116,8 @@ class Walker:
             path = [np.interp(steady, seen.t_s, column) for column in seen.path[1:]]
             speed = displacement(steady, *path).speed_m_s
         walked = session.recording("walk", "gait-search")
-        name, torque = largest_torque(self.robot, self.sensors, walked, span)
+        largest = largest_torques(self.robot, self.sensors, walked, span)
+        name, torque = max(largest.items(), key=itemgetter(1))
         touches = [e for e in eye.events if e.what is What.SELF_CONTACT and e.t_s >= span[0]]
         return Outcome(
             job=job,
@@ -137,18 +139,6 @@ class Walker:
 def torque_sensors(robot: Robot) -> dict[str, TorqueSensor]:
     """The position error of every joint as a sensor of its torque."""
     return {mount.joint: TorqueSensor.of(robot, mount, mount.registers) for mount in robot.servos}
-
-
-def largest_torque(
-    robot: Robot,
-    sensors: Mapping[str, TorqueSensor],
-    recording: Recording,
-    span: tuple[float, float],
-) -> tuple[str, float]:
-    """Joint and size of the largest torque over a span [s], as a share of its stall torque."""
-    largest = largest_torques(robot, sensors, recording, span)
-    worst = max(largest, key=lambda joint: largest[joint])
-    return worst, largest[worst]
 
 
 def largest_torques(

@@ -4,8 +4,8 @@ A robot of another engine, with soft tips and soft joints that its file does not
 and diagnosed from its joints. Then the robot's own program walks, unmodified, over the emulated bus
 once with the file as it was and once with the better model; and both are compared with how the
 robot itself walked a walk that the diagnosis has not seen. At last a fast gait is searched on the
-first model, each as far below the limit of torque as it is short of torque in the recorded walks;
-the search goes on from there on both, as long, and the robot itself walks what either found.
+first model, and the search goes on from there on both, as long, on each as far below the limit of
+torque as it is short of torque in the recorded walks; the robot itself walks what either found.
 """
 
 from __future__ import annotations

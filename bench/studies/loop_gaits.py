@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.blind.scenes import SCENES, play
 from bench.diagnosis.watch import Say
@@ -27,21 +27,13 @@ from bench.gaits.ledger import Ledger
 from bench.gaits.methods import Method
 from bench.gaits.outcome import Job, Outcome
 from bench.gaits.search import CHECK_S, CHECKS, Found, GaitSearch, Plan
-from bench.gaits.walking import (
-    Walker,
-    largest_torque,
-    largest_torques,
-    steady_from_s,
-    torque_sensors,
-)
+from bench.gaits.walking import Walker, largest_torques, steady_from_s, torque_sensors
 from bench.gaits.walks import Walks
 from bench.motions import WalkPlan
 from bench.recording import Recording, joint_track
 from busemu.tables import Robot
 
 from .stance_runs import CAPTURED, SCENE, Run, recording_of, specimen
-
-Floats = NDArray[np.float64]
 
 #: on the model before; it goes on from what it found, and then both do, for so many walks; assumed
 PLAN = Plan(budget=128, seconds=5.0, methods=(Method.CMA,))
@@ -77,15 +69,11 @@ def short_of_torque(robot: Robot, walks: Sequence[tuple[Recording, Recording, fl
     for real, modelled, seconds in walks:
         largest = []
         for recording in (real, modelled):
-            end_s = max(read[-1] for read in _read_s(recording, robot))
+            read = (joint_track(recording, m.joint, robot) for m in robot.servos)
+            end_s = max(track.position_t_s[-1] for track in read)
             largest.append(largest_torques(robot, sensors, recording, (end_s - seconds, end_s)))
         short += [largest[0][joint] - largest[1][joint] for joint in sensors]
     return max(short)
-
-
-def _read_s(recording: Recording, robot: Robot) -> list[Floats]:
-    """When each joint was read [s]."""
-    return [joint_track(recording, m.joint, robot).position_t_s for m in robot.servos]
 
 
 def searched(
@@ -94,7 +82,7 @@ def searched(
     """The fastest gait on one model that is ``short`` of torque (:func:`short_of_torque`).
 
     Walks that are in the folder are not made again. With a gait to ``begin`` with the search goes
-    on from there, for fewer walks.
+    on from there.
     """
     plan = PLAN if begin is None else replace(PLAN, budget=MORE, begin=begin)
     done = 0
@@ -127,7 +115,8 @@ def really(run: Run, candidate: Candidate, seed: int) -> Walked:
     inside = seen[0].t_sample_s >= from_s
     lean = max(float(np.abs(recording.observed(name).value).max()) for name in CAPTURED)
     way = displacement(seen[0].t_sample_s[inside], *(one.value[inside] for one in seen))
-    joint, torque = largest_torque(robot, torque_sensors(robot), recording, span)
+    largest = largest_torques(robot, torque_sensors(robot), recording, span)
+    joint, torque = max(largest.items(), key=itemgetter(1))
     fell = lean > LEANING_RAD
     return Walked(0.0 if fell else way.speed_m_s, torque, joint, fell)
 

@@ -34,7 +34,7 @@ from .nuisances import READ
 from .pool import Job
 from .rise import Rise
 from .search import RobotSearch
-from .sizes import at_other_sizes
+from .sizes import best_size
 from .steps import BESIDE, HELD_OUT
 
 Floats = NDArray[np.float64]
@@ -171,9 +171,9 @@ class Rising:
 
     def _resized(self, found: RobotFit) -> tuple[RobotFit, float]:
         """A fit of the size that judges like best, as far as engines differ, and what it costs."""
-        sized = [found, *at_other_sizes(self.search, found, found.names[-1])]
-        cost, at = min((self._cost(one, self.judges), k) for k, one in enumerate(sized))
-        return (self.search.replayed(sized[at]) if at else found), cost
+        search, name = self.search, found.names[-1]
+        best, cost = best_size(search, found, name, lambda one: self._cost(one, self.judges))
+        return (found if best is found else search.replayed(best)), cost
 
     def _total(self, found: RobotFit, r: int) -> float:
         """What windows and gait cost a fit [nats], the gait for less than it believes."""

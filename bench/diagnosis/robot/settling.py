@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -278,10 +279,10 @@ class RobotJudges:
 
         All together may not make whole recordings, standing up and all, half as bad again, unless
         how the robot stands up has a name of its own beside them (``risen`` asks of a fit). Before
-        a name is taken back it is asked for at other sizes, as far as two engines differ about it.
-        None may be as far as it may go: of 95 names of opened proofs that was one, not true. Of a
-        robot that is consistent it must gain as much as beside another (in six nulls of another
-        engine the best gained 6 nats, deflated).
+        a name is taken back it is asked for at other sizes, as far as two engines differ about it;
+        next to falling all are. None may be as far as it may go: of 95 names of opened proofs that
+        was one, not true. Of a robot that is consistent it must gain as much as beside another (in
+        six nulls of another engine the best gained 6 nats, deflated).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
@@ -382,7 +383,7 @@ class RobotJudges:
         They are of other loads, where a robot may be next to falling and a little decides.
         """
         steps = BETWEEN if self.fallen(now) else ()
-        best = best_size(self.search, now, name, lambda fit: self.square(fit, self.judges), steps)
+        best, _ = best_size(self.search, now, name, partial(self.square, which=self.judges), steps)
         return best if best is now else self.search.replayed(best)
 
     def samples(self, found: RobotFit) -> Squares:

@@ -20,8 +20,8 @@ BETWEEN = (
 )  #: the same, aside of the best, where a little decides; assumed
 
 
-def at_other_sizes(
-    search: RobotSearch, now: RobotFit, name: str, shares: Sequence[float] = SIZES
+def _at_other_sizes(
+    search: RobotSearch, now: RobotFit, name: str, shares: Sequence[float]
 ) -> list[RobotFit]:
     """A fit with other sizes of one of its effects, as far aside as two engines differ about it."""
     at = len(now.z) - len(now.names) + now.names.index(name)
@@ -38,15 +38,15 @@ def best_size(
     name: str,
     cost: Callable[[RobotFit], float],
     steps: Sequence[float] = (),
-) -> RobotFit:
-    """The fit at the size of one of its effects that costs least, the fit itself if it does.
+) -> tuple[RobotFit, float]:
+    """The fit at the size of one of its effects that costs least, and its cost; itself if it does.
 
     Of a few sizes, and then of those that are each of ``steps`` aside of the best so far.
     """
     tried = {0.0: (cost(now), now)}
 
     def ask(shares: Sequence[float]) -> None:
-        made = at_other_sizes(search, now, name, shares)
+        made = _at_other_sizes(search, now, name, shares)
         tried.update((s, (cost(fit), fit)) for s, fit in zip(shares, made, strict=True))
 
     def best() -> float:
@@ -56,4 +56,5 @@ def best_size(
     for step in steps:
         at = best()
         ask([share for share in (at - step, at + step) if abs(share) <= max(SIZES)])
-    return tried[best()][1]
+    least, fit = tried[best()]
+    return fit, least

@@ -7,11 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from inspect import signature
 from pathlib import Path
 
 import pytest
 from programs import busemu
 
+from bench.experiments.locomotion_result import TORQUE_LIMIT
+from bench.gait_commands import gait_search
 from bench.gaits.ledger import WALKS, Ledger
 from busemu.tables import load_robot
 
@@ -101,6 +104,10 @@ def test_bad_words_get_one_clear_line_and_no_folder(words, says, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_the_limit_that_nobody_says_is_that_of_the_experiments():
+    assert signature(gait_search).parameters["torque_limit"].default == TORQUE_LIMIT
+
+
 def test_a_model_of_another_robot_is_refused(tmp_path):
     other = load_robot("phantomx").path
     done = busemu("gait-search", "--robot", "marvin", "--model", other, "--out", tmp_path / "out")
@@ -116,6 +123,15 @@ def test_a_search_says_what_to_look_at_and_what_to_do_next(tmp_path):
     for words in ("look at ", "result.json", "landscape.png", "try next  busemu walk --robot"):
         assert words in told
     assert (tmp_path / "landscape.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_search_that_finds_nothing_says_what_it_asked_for_and_what_to_do(tmp_path):
+    limit = ("--torque-limit", "0.02")
+    running = started("0", "--out", tmp_path, "--budget", "9", "--seconds", "2.4", *limit)
+    told, complained = running.communicate(timeout=300)
+    assert running.returncode == 0, complained
+    assert "torque below 0.02 x stall" in told
+    assert "try next  a larger --budget, or a higher --torque-limit" in told
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
