@@ -30,11 +30,13 @@ from .scoring import (
     statistic,
 )
 from .table import COLUMNS
+from .truths import OFF, Truth, error_of, main_parameter
 
 Case = dict[str, str]
 NEEDED = frozenset(COLUMNS) - {  #: what tables have always had
     *("ratio_walking", "ratio_left", "true_stance", "told_stance")
 }
+UNKNOWN = ("unexplained", "partly_explained")  #: verdicts that say that something has no name
 #: an estimate with its interval, as a table has it
 SHOWN = re.compile(r"(?P<name>[^=\s]+)=(?P<value>[^\[]+)\[(?P<low>[^;]+);(?P<high>[^\]]+)\]")
 
@@ -57,9 +59,13 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
     """What is counted, by its name on a page."""
     single = [c for c in cases if c["kind"] == "single"]
     pairs = [c for c in cases if c["kind"] == "pair"]
+    triples = [c for c in cases if c["kind"] == "triple"]
     nulls = [c for c in cases if c["kind"] == "null"]
     large = [c for c in single if float(c["ratio"]) >= AT_3]
     small = [c for c in single if AT_1 <= float(c["ratio"]) < AT_3]
+    deleted = [c for c in cases if c["kind"] == "deleted" and float(c["ratio"]) >= AT_3]
+    known = [c for c in (*single, *pairs, *triples) if float(c["ratio"]) >= AT_1]
+    placed = [c for c in cases if c["kind"] != "null" and float(c["ratio"]) >= AT_3]
     names = [label for c in cases for label in c["labels"].split()]
     told = [c for c in cases if c["told_phase"]]
     return {
@@ -84,6 +90,10 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
             (c for c in pairs if float(c["ratio"]) >= AT_3), "full_set_right"
         ),
         "the same, pairs of any size": _flags(pairs, "full_set_right"),
+        "true effect deleted: says that it has no name for it": share(
+            c["verdict"] in UNKNOWN and "wrong" not in c["labels"].split() for c in deleted
+        ),
+        "deleted: a wrong name": share("wrong" in c["labels"].split() for c in deleted),
         "nulls that are not *consistent*": share(c["verdict"] != "consistent" for c in nulls),
         "nulls that have a name": share(bool(c["labels"]) for c in nulls),
         "names said that are true": share(label != "wrong" for label in names),
@@ -91,7 +101,16 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "calibration error of stated probabilities": statistic(
             [np.array(stated(c)).reshape(-1, 2) for c in cases], calibration_error
         ),
+        "share of explainable held-out misfit removed (mean)": statistic(
+            [np.array([float(c["explained_share"])]) for c in known if c["explained_share"]],
+            lambda x: float(np.mean(x)),
+        ),
+        "parameter error (median)": median([np.array(list(errors(c))) for c in large]),
         "intervals that hold the truth": share(within for c in cases for within in held(c)),
+        "joint group F1 (mean)": statistic(
+            [np.array([float(c["joint_group_f1"])]) for c in placed if c["joint_group_f1"]],
+            lambda x: float(np.mean(x)),
+        ),
         "phase right, where one is told": share(c["told_phase"] == c["true_phase"] for c in told),
         "share of stance that is told, off by (median)": median(
             [np.array([off]) for c in told if not math.isnan(off := stance_off(c))]
@@ -113,6 +132,16 @@ def stance_off(case: Case) -> float:
     """How far the share of stance that is told is from the true one; nan where a run has none."""
     told, true = (float(case.get(f"{which}_stance") or "nan") for which in ("told", "true"))
     return abs(told - true)
+
+
+def errors(case: Case) -> Iterator[float]:
+    """Of every effect that is named by its name, how far off is the number that says its size."""
+    shown = {found["name"]: found["value"] for found in SHOWN.finditer(case["parameters"])}
+    for word in case["true_parameters"].split():
+        name, _, true = word.partition("=")
+        effect, _, parameter = name.partition(".")
+        if name in shown and parameter == main_parameter(effect, case["rig"]):
+            yield error_of(Truth(float(true), OFF.get(effect, 0.0)), float(shown[name]))
 
 
 def held(case: Case) -> Iterator[bool]:

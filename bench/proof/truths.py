@@ -146,7 +146,7 @@ def true_parameters(hidden: Mapping[str, Any], rig: str) -> dict[str, Truth]:
     told = hidden["parameters"]
     value = {name: _number(q["value"]) for name, q in told.items()}
     off = {name: _number(q["off"]) for name, q in told.items()}
-    names = (ROBOT_TABLE if rig in SCENES else TABLE).get(hidden["effect"], {})
+    names = _table(rig).get(hidden["effect"], {})
     sheet = None if rig in SCENES else RIGS[rig].sheet
     found = {}
     for index, (name, translate) in enumerate(names.items()):
@@ -156,10 +156,19 @@ def true_parameters(hidden: Mapping[str, Any], rig: str) -> dict[str, Truth]:
     return found
 
 
+def main_parameter(effect: str, rig: str) -> str:
+    """The catalogue's name of what says how large an effect is; empty where it has none."""
+    return next(iter(_table(rig).get(effect, {})), "")
+
+
 def error_of(true: Truth, estimate: float) -> float:
     """Error of an estimate as a share of how far the truth is from off; of itself for a limit."""
     size = abs(true.value) if math.isinf(true.off) else abs(true.value - true.off)
     return abs(estimate - true.value) / size
+
+
+def _table(rig: str) -> Mapping[str, Mapping[str, Translate]]:
+    return ROBOT_TABLE if rig in SCENES else TABLE
 
 
 def _number(value: float | None) -> float:

@@ -9,15 +9,16 @@ from typer.testing import CliRunner
 
 from bench.proof.scoring import AT_1, AT_3
 from bench.proof.table import write_table
-from bench.proof.together import NEEDED, app, held, page, read_tables, rows
+from bench.proof.together import NEEDED, app, errors, held, page, read_tables, rows
 from tests.bench.proof.judged_cases import hidden_in, judged, robot_diagnosis, robot_key
 
+EMPTY = ("true_parameters", "parameters", "explained_share", "joint_group_f1", "rig")
 FLAGS = ("first_right", "full_set_right", "certain_and_wrong")
 
 
 def case(kind="single", ratio=4.0, verdict="explained", labels="", **more):
     flags = dict.fromkeys(FLAGS, "0") | {"true_phase": "", "told_phase": ""}
-    numbers = {"true_parameters": "", "parameters": ""}
+    numbers = dict.fromkeys(EMPTY, "")
     named = " ".join("an_effect:0.7" for _ in labels.split())
     given = {"kind": kind, "ratio": str(ratio), "verdict": verdict, "labels": labels}
     given |= {"named": named}
@@ -88,6 +89,55 @@ def test_probabilities_are_held_against_what_of_them_is_true():
         case("null", "nan", "consistent"),
     ]
     assert counted("calibration", *few) == (pytest.approx((0.05 + 2 * 0.15) / 3), 3)
+
+
+def test_deleted_effects_count_by_what_is_said_of_them():
+    few = [
+        case("deleted", verdict="unexplained"),
+        case("deleted", verdict="partly_explained", labels="ordinary"),
+        case("deleted", verdict="partly_explained", labels="ordinary wrong"),
+        case("deleted", verdict="consistent"),
+        case("deleted", ratio=AT_3 - 0.01, labels="wrong"),
+        case(labels="wrong"),
+    ]
+    assert counted("true effect deleted", *few) == (0.5, 4)
+    assert counted("deleted: a wrong name", *few) == (0.25, 4)
+
+
+def test_what_names_take_away_is_a_mean_over_cases_that_have_a_name():
+    few = [
+        case(explained_share="0.9"),
+        case("pair", ratio=AT_1 + 0.01, explained_share="0.5"),
+        case("triple", explained_share="-0.2"),
+        case(ratio=AT_1 - 0.01, explained_share="0"),
+        case("deleted", explained_share="0"),
+        case(),
+    ]
+    assert counted("share of explainable", *few) == (pytest.approx(0.4), 3)
+
+
+def test_an_error_is_of_how_far_a_size_is_from_off():
+    told = case(
+        rig="phantomx-walk",
+        true_parameters="gain_error.scale=0.8 payload.mass_kg=0.5 foot_compliance.stiffness_n_m=200"
+        " ground_tilt.pitch_rad=0.1 ground_tilt.roll_rad=0.2",
+        parameters="gain_error.scale=0.85[0.8;0.9] foot_compliance.stiffness_n_m=260[200;300] "
+        "ground_tilt.pitch_rad=0.09[0.08;0.1] ground_tilt.roll_rad=0.1[0;0.2] "
+        "link_mass.scale=1[1;1]",
+    )
+    assert list(errors(told)) == pytest.approx([0.25, 0.3, 0.1])
+    found, count = counted("parameter error", told, told | {"kind": "pair"})
+    assert (found, count) == (pytest.approx(0.25), 3)
+
+
+def test_joints_count_where_something_large_is_hidden():
+    few = [
+        case(joint_group_f1="1"),
+        case("deleted", joint_group_f1="0.5"),
+        case("null", "nan", joint_group_f1=""),
+        case(ratio=AT_3 - 0.01, joint_group_f1="0"),
+    ]
+    assert counted("joint group F1", *few) == (0.75, 2)
 
 
 def test_a_phase_counts_where_one_is_told():
