@@ -103,7 +103,7 @@ class Work:
         groups = sorted({model.observed[r].group for r in which})
         self.told = f"fitted to recordings {', '.join(groups)}" + (f"; {on}" if on else "")
         self.search = RobotSearch(model, which, say=say)
-        self.held = RobotJudges(self.search, robot, which, self.judges, self.held_out)
+        self.held = RobotJudges(self.search, which, self.judges, robot, self.held_out)
         self.rattling = Rattling(model, which, self.judges, say)
         rising = Rising(self.search, which, self.judges, say)
         self.naming = Naming(self.search, self.held, self.rattling, rising, tell)
@@ -193,13 +193,18 @@ class Work:
         return {name: why[own] for name, own in every.items() if own in why}
 
     def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
-        """Where what is named moves the robot; without a name, where more is left than noise."""
+        """Where what is named moves the robot; without a name, where more is left than noise.
+
+        Tolerances at their ends move it as well: whatever they stand in for is not as believed.
+        """
         model = self.model
         if after.names:
+            ends = self.held.at_ends(after)
+            ordinary = np.where([n in ends for n in model.nuisances], 0.0, after.nuisances)
             rows = []
-            for settings in (after.settings, ()):
-                model.recentre(settings, after.nuisances, self.which)
-                rows.append([model.modelled(settings, after.nuisances, r) for r in self.which])
+            for settings, z in ((after.settings, after.nuisances), ((), ordinary)):
+                model.recentre(settings, z, self.which)
+                rows.append([model.modelled(settings, z, r) for r in self.which])
             joints = RobotKind.JOINTS
             apart = [one[joints] - other[joints] for one, other in zip(*rows, strict=True)]
             return moved(model, dict(zip(self.which, apart, strict=True)))

@@ -39,6 +39,8 @@ OUTSIDE = frozenset(
 )
 #: effects of one specimen, which no two joints have alike
 SINGLE = frozenset({"zero_offset"})
+#: effects of a servo's model, which joints of one kind have no more than others of the same servo
+OF_MODEL = frozenset({"rotor_inertia"})
 EVERYWHERE = "all"
 CARRYING = ("femur", "tibia")  #: joints with level axes, which carry the robot; gears wear in both
 #: ``z`` of a first try, where the unit is far from what one meets
@@ -126,11 +128,14 @@ def _places(kind: Effect, robot: PhysicalRobot) -> list[tuple[str, tuple[str, ..
         return trunk + [(s, _ending(names, s)) for s in SEGMENTS]
     else:
         return [(EVERYWHERE, ())]
+    kinds = [(s, _ending(names, s)) for s in SEGMENTS]
+    if kind.name in OF_MODEL and all(j.drive == robot.joints[0].drive for j in robot.joints):
+        kinds = []
     pair = "+".join(CARRYING)
     carrying = [(pair, tuple(n for s in CARRYING for n in _ending(names, s)))]
     found = [
         (EVERYWHERE, ()),
-        *((s, _ending(names, s)) for s in SEGMENTS),
+        *kinds,
         *(carrying if kind.group is Group.GEAR else ()),
     ]
     for leg in legs:

@@ -14,16 +14,16 @@ from busemu.tables import Robot
 from ..joint.growing import RELIEF
 from ..joint.rivals import CLOSE
 from .causes import number_of
+from .denials import Denials
 from .features import RobotKind
-from .fit import FIRM, REGISTERS, RobotFit, voltage_noise
+from .fit import FIRM, REGISTERS, RobotFit
 from .gains import RobotFindings, RobotGain
 from .improved import of_settings, tolerated
 from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
-from .model import Progress, RobotModel
+from .model import Progress
 from .nuisances import RobotNuisance
-from .regulated import most_off
 from .rest import Rest, rest_of
-from .search import AT_END, RobotSearch
+from .search import AT_END
 from .sizes import BETWEEN, best_size
 from .steps import BESIDE, WORSE, much_worse
 
@@ -37,10 +37,6 @@ SAMPLES = 1.6
 #: the same where robots stand, of noise with what is chance in it: six nulls of other engines had
 #: 0.1 to 0.8, two Marvins of the engine of proofs 0.5, and two PhantomXs 1.6
 STANDING = 2.0
-VOLTS_OFF = 3.0  #: deviations of voltage registers by which they may show another supply
-DUTIES_OFF = 4.0  #: deviations of duties from which they show another law
-#: share of either below which a name must bring it for registers to ask for it; assumed
-MOST = 0.5
 ENDS = 1  #: so many of the robot's tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
@@ -50,6 +46,7 @@ FALLEN = 30.0  #: floors of misfit beyond which a robot stands or lies otherwise
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
 FARTHER = "its number is as far as it may be, and would go farther: it stands for something else"
+NO_PART = "walked samples of recordings that were not used to fit are as far off with all names"
 NO_BETTER = "recordings that were not used to fit are no better with it"
 
 
@@ -67,22 +64,14 @@ class Squares:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RobotJudges:
+class RobotJudges(Denials):
     """Recordings that judge a search: those that were held out, or else those that it is fitted to.
 
     ``which`` and ``judges`` are numbers of recordings.
     """
 
-    search: RobotSearch
     robot: Robot
-    which: Sequence[int]
-    judges: Sequence[int]
     held_out: bool
-
-    @property
-    def model(self) -> RobotModel:
-        """The model that is judged."""
-        return self.search.model
 
     def square(self, found: RobotFit, which: Sequence[int]) -> float:
         """Mean square of phase means that a fit leaves by exact replays [rad^2]."""
@@ -121,58 +110,18 @@ class RobotJudges:
 
     def unlike(self, found: RobotFit) -> bool:
         """Whether walked samples of recordings that judge are farther off than noise."""
-        return far_off(self.samples(found).steady ** 0.5, floor_rad(self.model, self.judges))
+        return far_off(self.samples(found).steady ** 0.5, self.sound_rad)
+
+    @property
+    def sound_rad(self) -> float:
+        """RMS of walked samples that a sound model leaves where it is judged [rad]."""
+        return floor_rad(self.model, self.judges)
 
     def rest(self, found: RobotFit) -> Rest:
         """What a fit leaves where it is judged, by exact replays."""
         every = sorted({*self.which, *self.judges})
         self.model.recentre(found.settings, found.nuisances, every)
         return rest_of(self.model, found, self.which, self.judges)
-
-    def volts_denied(self, found: RobotFit) -> float:
-        """How much more voltage servos show than a fit has [V], where that is too much; else 0."""
-        more = self.volts_more(found)
-        return more if abs(more) > VOLTS_OFF * voltage_noise(self.model, 1).coloured else 0.0
-
-    def volts_more(self, found: RobotFit) -> float:
-        """How much more voltage servos show than a fit has [V]; 0 where nobody read it."""
-        self.model.recentre(found.settings, found.nuisances, self.judges)
-        blocks = self.model.residuals(found.names, found.z, self.judges)
-        own = [b.value for (_, kind), b in blocks.items() if kind is RobotKind.VOLTAGE]
-        return float(np.mean(np.concatenate(own))) if own else 0.0
-
-    def duties_denied(self, found: RobotFit) -> float:
-        """How far duties are off, in deviations, where that is too much; else 0."""
-        off = self.duties_off(found)
-        return off if off > DUTIES_OFF else 0.0
-
-    def duties_off(self, found: RobotFit) -> float:
-        """How far duties that loads show are off, where that is most: :meth:`duties_most`."""
-        return self.duties_most(found)[0]
-
-    def duties_most(self, found: RobotFit) -> tuple[float, str]:
-        """How far duties that loads show are off from what laws make of recorded angles, and where.
-
-        In deviations, of the joint, kind of joint or leg (or all) where it is most. All recordings
-        tell it, as hardly a tolerance does anything about it where it is fitted.
-        """
-        every = sorted({*self.which, *self.judges})
-        self.model.recentre(found.settings, found.nuisances, every)
-        blocks = self.model.residuals(found.names, found.z, every)
-        own = {r: b for (r, kind), b in blocks.items() if kind is RobotKind.DUTY and len(b.value)}
-        return most_off(self.model, own) if own else (0.0, "")
-
-    def restores(self, without: RobotFit, now: RobotFit) -> bool:
-        """Whether a register asks for a name: it denies the model, and less than half so with it.
-
-        Voltages do, or duties. What is left of it then is told. Positions of two engines may want
-        another size.
-        """
-        return any(
-            before != 0.0 and abs(off(now)) < MOST * abs(before)
-            for off in (self.volts_denied, self.duties_denied)
-            if (before := off(without))
-        )
 
     def explainable(self, base: RobotFit, now: RobotFit) -> float:
         """How much of the misfit where it is judged can be explained [rad^2]; 0 or less: nothing.
@@ -294,7 +243,7 @@ class RobotJudges:
                 now = self.without(found.base, now, gain.name)
                 taken = [other for other in taken if other is not gain]
                 rejected.append(self._taken_back(gain, because))
-        begun = self.samples(found.base).whole if self.held_out and taken else 0.0
+        begun = self.samples(found.base) if self.held_out and taken else Squares(0.0, 0.0)
         resized: set[str] = set()
         while taken and self.held_out:
             say("asking recordings that were not used to fit")
@@ -304,7 +253,10 @@ class RobotJudges:
             seen = self.samples(now)
             spare = {name: self._spare(fit, now, seen, least) for name, fit in fits.items()}
             worst = min(taken, key=lambda gain: spare[gain.name])
-            if spare[worst.name] > 0.0 and (not much_worse(seen.whole, begun) or risen(now)):
+            if spare[worst.name] > 0.0 and (not much_worse(seen.whole, begun.whole) or risen(now)):
+                if self._no_part(found.base, now, begun.steady, seen.steady):
+                    rejected += [self._taken_back(gain, NO_PART) for gain in taken]
+                    return [], found.base, rejected
                 break
             others = [gain.name for gain in taken] if self.fallen(now) else []
             asked = [n for n in dict.fromkeys((worst.name, *others)) if n not in resized]
@@ -319,6 +271,16 @@ class RobotJudges:
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
         return taken, now, rejected
+
+    def _no_part(self, base: RobotFit, now: RobotFit, before: float, left: float) -> bool:
+        """Whether names leave nine tenths of walked samples' misfit, and far more than noise.
+
+        Not where a register asks for them, nor where little decides how a robot lies.
+        """
+        sound = self.sound_rad
+        if not far_off(left**0.5, sound) or before - left >= LITTLE * (before - sound**2):
+            return False
+        return not self.fallen(now) and not self.restores(base, now)
 
     def _taken_back(self, gain: RobotGain, because: str) -> Mapping[str, Any]:
         """A name that does not hold, as ``diagnosis.json`` has it."""

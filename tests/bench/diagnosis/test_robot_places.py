@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 
 from bench.diagnosis.noise import Block
+from bench.diagnosis.robot.diagnosis import Work
+from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.places import LEAST, mismatch, moved
+from busemu.tables import load_robot
+from sim.model import read_model
 
 JOINTS = [f"leg{n}.{part}" for n in (1, 2, 3) for part in ("coxa", "femur", "tibia")]
 BINS = 24
@@ -125,3 +129,42 @@ def test_places_are_told_by_their_share_of_what_a_named_effect_moves():
     assert second["p_value"] == pytest.approx(1.0)
     (place,) = shifted(much + 0.4 * little)
     assert place["joints"] == ["leg2.tibia"]
+
+
+class Pushed(Stood):
+    """A robot whose name pushes tibiae in stance, and whose gain moves coxae in swing."""
+
+    nuisances = ("gain", "zero")
+
+    def recentre(self, settings, z, which):
+        assert len(which) == 1
+
+    def modelled(self, settings, z, r):
+        tibiae, coxae = ([n for n in JOINTS if n.endswith(part)] for part in ("tibia", "coxa"))
+        pushed = 0.01 * len(settings) * (rows_of(tibiae) & (PRESSED == 1.0))
+        return {RobotKind.JOINTS: pushed + 0.01 * z[0] * (rows_of(coxae) & (PRESSED == 0.0)) + z[1]}
+
+
+@pytest.mark.parametrize(("ends", "phases"), [(("gain",), {"stance", "swing"}), ((), {"stance"})])
+def test_tolerances_at_their_ends_move_a_robot_as_names_do(ends, phases):
+    after = SimpleNamespace(
+        names=("push",), settings=(("push", 1.0),), nuisances=np.array([2.0, 1.0])
+    )
+    held = SimpleNamespace(at_ends=lambda fit: list(ends))
+    work = SimpleNamespace(model=Pushed(), held=held, which=[0])
+    assert {place["phase"] for place in Work._mismatch(work, None, after)} == phases
+
+
+def test_a_rotor_is_of_a_servo_and_not_of_where_it_sits():
+    robot = read_model(load_robot("marvin"))
+    places = {"all", "coxa", "femur", "tibia", "leg1", "leg1.tibia"}
+
+    def placed(name, robot):
+        return places & {key.partition("@")[2] for key in placed_effects(robot) if name in key}
+
+    assert placed("rotor_inertia", robot) == {"all", "leg1", "leg1.tibia"}
+    assert placed("viscous_friction", robot) == places
+    first, *others = robot.joints
+    other = replace(first.drive, rotor_inertia_kg_m2=2.0 * first.drive.rotor_inertia_kg_m2)
+    unlike = replace(robot, joints=(replace(first, drive=other), *others))
+    assert placed("rotor_inertia", unlike) == places

@@ -12,6 +12,7 @@ from bench.diagnosis.noise import Block
 from bench.diagnosis.result import Estimate
 from bench.diagnosis.robot import settling
 from bench.diagnosis.robot.causes import ENGINES_SHARE
+from bench.diagnosis.robot.denials import DUTIES_OFF, VOLTS_OFF
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.fit import FIRM, RobotFit
@@ -21,7 +22,6 @@ from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
 from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
-    DUTIES_OFF,
     FAINT,
     FALLEN,
     FAR,
@@ -30,11 +30,11 @@ from bench.diagnosis.robot.settling import (
     JUDGED,
     LITTLE,
     NO_BETTER,
+    NO_PART,
     ORDINARY,
     SAMPLES,
     SPOILT,
     STANDING,
-    VOLTS_OFF,
     RobotJudges,
     Squares,
 )
@@ -103,7 +103,8 @@ def judges(left, held_out=True, volts=None, joint_rad=0.0):
             joints=[SimpleNamespace(name=f"leg{n}.femur") for n in range(10)],
         ),
     )
-    return Walked(SimpleNamespace(model=model), None, FITS, JUDGES if held_out else FITS, held_out)
+    search = SimpleNamespace(model=model)
+    return Walked(search, FITS, JUDGES if held_out else FITS, None, held_out)
 
 
 def taken_as(*z):
@@ -322,6 +323,7 @@ class Given(RobotJudges):
     seen: ClassVar = {}
     whole: ClassVar = {}
     floor_square = 1.0
+    sound_rad = 10.0
     stand_in: ClassVar = frozenset()
     denied: ClassVar = {}
     low: ClassVar = {}
@@ -382,7 +384,7 @@ def kept(
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
-    own = Given(search, None, FITS, JUDGES, held_out=True)
+    own = Given(search, FITS, JUDGES, None, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
     Given.costs, Given.denied, Given.low = costs or {}, denied or {}, low or {}
@@ -398,6 +400,25 @@ def kept(
 
 def test_a_name_that_takes_much_of_the_misfit_away_stays():
     assert kept({(): 5.0, ("a",): 1.5}) == ("a",)
+
+
+@pytest.mark.parametrize(
+    ("left", "more", "stays"),
+    [
+        (8.3, {}, ""),  # a tenth of eight is 0.8
+        (8.1, {}, "a"),
+        (2.5, {"seen": {(): 2.6, ("a",): 2.5}}, "a"),  # no farther off than noise may be
+        (8.3, {"phases": {(): 42.0, ("a",): FALLEN + 1.0}}, "a"),  # lies otherwise
+        (8.3, {"denied": {(): 1.0}}, "a"),  # voltages ask for it
+        (8.3, {"low": {(): 1.0}}, "a"),  # loads do
+    ],
+)
+def test_names_that_leave_nine_tenths_of_samples_far_off_are_no_part_of_it(
+    monkeypatch, left, more, stays
+):
+    monkeypatch.setattr(Given, "sound_rad", 1.0)
+    given = {"phases": {(): 9.0, ("a",): 5.0}, "seen": {(): 9.0, ("a",): left}} | more
+    assert kept(**given, because=NO_PART) == tuple(stays)
 
 
 @pytest.mark.parametrize(
@@ -485,7 +506,7 @@ def test_a_name_whose_interval_reaches_into_its_tolerance_may_be_that(
     )
     search = SimpleNamespace(model=model)
     monkeypatch.setattr(settling, "number_of", lambda *_: Estimate(0.0, ends, "", "pinned"))
-    found = RobotJudges(search, None, FITS, JUDGES, held_out=True)
+    found = RobotJudges(search, FITS, JUDGES, None, held_out=True)
     assert found.ordinary(BASE, name) is ordinary
 
 
@@ -789,7 +810,7 @@ def test_where_duties_deny_the_model_a_name_explains_what_of_them_it_takes_away(
 def test_what_can_be_explained_is_what_is_above_the_floor_and_what_goes_below_it(
     before, now, explainable
 ):
-    own = Given(None, None, FITS, JUDGES, held_out=True)
+    own = Given(None, FITS, JUDGES, None, held_out=True)
     Given.phases = {(): before, ("a",): now}
     base, found = (SimpleNamespace(names=names) for names in ((), ("a",)))
     assert own.explainable(base, found) == pytest.approx(explainable)
