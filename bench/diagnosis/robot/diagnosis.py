@@ -26,6 +26,7 @@ from .limits import in_series, limits, other_duties, other_volts, stand_in
 from .model import Progress, RobotModel
 from .naming import Naming
 from .next import next_experiments
+from .nuisances import LATE
 from .places import mismatch, moved
 from .rattling import Rattling, told, worsened
 from .replay import course
@@ -195,12 +196,14 @@ class Work:
     def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
         """Where what is named moves the robot; without a name, where more is left than noise.
 
-        Tolerances at their ends move it as well: whatever they stand in for is not as believed.
+        Tolerances at their ends move it as well: whatever they stand in for is not as believed. Of
+        when goals act neither end is a finding.
         """
         model = self.model
         if after.names:
             ends = self.held.at_ends(after)
-            ordinary = np.where([n in ends for n in model.nuisances], 0.0, after.nuisances)
+            odd = [n in ends and n.name != LATE for n in model.nuisances]
+            ordinary = np.where(odd, 0.0, after.nuisances)
             rows = []
             for settings, z in ((after.settings, after.nuisances), ((), ordinary)):
                 model.recentre(settings, z, self.which)

@@ -128,20 +128,20 @@ def _places(kind: Effect, robot: PhysicalRobot) -> list[tuple[str, tuple[str, ..
         return trunk + [(s, _ending(names, s)) for s in SEGMENTS]
     else:
         return [(EVERYWHERE, ())]
-    kinds = [(s, _ending(names, s)) for s in SEGMENTS]
-    if kind.name in OF_MODEL and all(j.drive == robot.joints[0].drive for j in robot.joints):
-        kinds = []
+    alike = kind.name in OF_MODEL and all(j.drive == robot.joints[0].drive for j in robot.joints)
+    kinds = [] if alike else [(s, _ending(names, s)) for s in SEGMENTS]
+    worn = kind.group is Group.GEAR and not alike
     pair = "+".join(CARRYING)
     carrying = [(pair, tuple(n for s in CARRYING for n in _ending(names, s)))]
     found = [
         (EVERYWHERE, ()),
         *kinds,
-        *(carrying if kind.group is Group.GEAR else ()),
+        *(carrying if worn else ()),
     ]
     for leg in legs:
         own = [n for n in names if n.startswith(f"{leg}.")]
         found.append((leg, tuple(own)))
-        if kind.group is Group.GEAR:
+        if worn:
             found.append((f"{leg}.{pair}", tuple(n for s in CARRYING for n in _ending(own, s))))
         found += [(joint, (joint,)) for joint in own]
     return found

@@ -8,6 +8,7 @@ from bench.diagnosis.noise import Block
 from bench.diagnosis.robot.diagnosis import Work
 from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import RobotKind
+from bench.diagnosis.robot.nuisances import LATE
 from bench.diagnosis.robot.places import LEAST, mismatch, moved
 from busemu.tables import load_robot
 from sim.model import read_model
@@ -131,10 +132,16 @@ def test_places_are_told_by_their_share_of_what_a_named_effect_moves():
     assert place["joints"] == ["leg2.tibia"]
 
 
+def named(name):
+    return SimpleNamespace(name=name)
+
+
 class Pushed(Stood):
     """A robot whose name pushes tibiae in stance, and whose gain moves coxae in swing."""
 
-    nuisances = ("gain", "zero")
+    def __init__(self, gain):
+        super().__init__()
+        self.nuisances = (gain, named("zero"))
 
     def recentre(self, settings, z, which):
         assert len(which) == 1
@@ -145,25 +152,34 @@ class Pushed(Stood):
         return {RobotKind.JOINTS: pushed + 0.01 * z[0] * (rows_of(coxae) & (PRESSED == 0.0)) + z[1]}
 
 
-@pytest.mark.parametrize(("ends", "phases"), [(("gain",), {"stance", "swing"}), ((), {"stance"})])
-def test_tolerances_at_their_ends_move_a_robot_as_names_do(ends, phases):
+@pytest.mark.parametrize(
+    ("name", "ends", "phases"),
+    [
+        ("gain", True, {"stance", "swing"}),
+        ("gain", False, {"stance"}),
+        (LATE, True, {"stance"}),  # neither of whose ends is a finding
+    ],
+)
+def test_tolerances_at_their_ends_move_a_robot_as_names_do(name, ends, phases):
+    one = named(name)
     after = SimpleNamespace(
         names=("push",), settings=(("push", 1.0),), nuisances=np.array([2.0, 1.0])
     )
-    held = SimpleNamespace(at_ends=lambda fit: list(ends))
-    work = SimpleNamespace(model=Pushed(), held=held, which=[0])
+    held = SimpleNamespace(at_ends=lambda fit: [one] if ends else [])
+    work = SimpleNamespace(model=Pushed(one), held=held, which=[0])
     assert {place["phase"] for place in Work._mismatch(work, None, after)} == phases
 
 
 def test_a_rotor_is_of_a_servo_and_not_of_where_it_sits():
     robot = read_model(load_robot("marvin"))
-    places = {"all", "coxa", "femur", "tibia", "leg1", "leg1.tibia"}
+    leg = {"leg1", "leg1.tibia"}
+    places = leg | {"all", "coxa", "femur", "tibia", "femur+tibia", "leg1.femur+tibia"}
 
     def placed(name, robot):
         return places & {key.partition("@")[2] for key in placed_effects(robot) if name in key}
 
-    assert placed("rotor_inertia", robot) == {"all", "leg1", "leg1.tibia"}
-    assert placed("viscous_friction", robot) == places
+    assert placed("rotor_inertia", robot) == leg | {"all"}
+    assert placed("backlash", robot) == places
     first, *others = robot.joints
     other = replace(first.drive, rotor_inertia_kg_m2=2.0 * first.drive.rotor_inertia_kg_m2)
     unlike = replace(robot, joints=(replace(first, drive=other), *others))
