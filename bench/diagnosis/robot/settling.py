@@ -39,6 +39,7 @@ SAMPLES = 1.6
 STANDING = 2.0
 ENDS = 1  #: so many of the robot's tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
+HALF = 0.5  #: the same of all names together, if they leave nearly all that samples show; assumed
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
 #: for; assumed
 SPOILT = 0.1
@@ -275,12 +276,15 @@ class RobotJudges(Denials):
     def _no_part(self, base: RobotFit, now: RobotFit, before: float, left: float) -> bool:
         """Whether names leave nine tenths of walked samples' misfit, and far more than noise.
 
-        Not where a register asks for them, nor where little decides how a robot lies.
+        Not where they take half of that of phase means, as samples of what rattles are chance; nor
+        where a register asks for them, nor where little decides how a robot lies.
         """
         sound = self.sound_rad
         if not far_off(left**0.5, sound) or before - left >= LITTLE * (before - sound**2):
             return False
-        return not self.fallen(now) and not self.restores(base, now)
+        means = self.square(base, self.judges)
+        half = means - self.square(now, self.judges) >= HALF * (means - self.floor_square)
+        return not half and not self.fallen(now) and not self.restores(base, now)
 
     def _taken_back(self, gain: RobotGain, because: str) -> Mapping[str, Any]:
         """A name that does not hold, as ``diagnosis.json`` has it."""
