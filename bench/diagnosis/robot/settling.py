@@ -40,7 +40,7 @@ STANDING = 2.0
 ENDS = 1  #: so many of the robot's tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
 #: the same of all names together, of samples or of means over the phase, where samples are far off
-#: with them: of 55 opened answers five took less of both, four wrong ones and one half of a pair
+#: with them: of 55 opened answers four took less of both, three wrong ones and one half of a pair
 PART = 1.0 / 3.0
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
 #: for; assumed
@@ -230,11 +230,12 @@ class RobotJudges(Denials):
         """Names that recordings which judge do not deny; the fit with them; those taken back.
 
         All together may not make whole recordings, standing up and all, half as bad again, unless
-        how the robot stands up has a name of its own beside them (``risen`` asks of a fit). Before
-        a name is taken back it is asked for at other sizes, as far as two engines differ about it;
-        next to falling all are. None may be as far as it may go: of 95 names of opened proofs that
-        was one, not true. Of a robot that is consistent it must gain as much as beside another (in
-        six nulls of another engine the best gained 6 nats, deflated).
+        how the robot stands up has a name of its own beside them (``risen`` asks of a fit), and
+        must take a third of what is far off. Before one is taken back it is asked for at other
+        sizes, as far as two engines differ about it; next to falling all are. None may be as far as it may
+        go: of 95 names of opened proofs that was one, not true. Of a robot that is consistent it
+        must gain as much as beside another (in six nulls of another engine the best gained 6 nats,
+        deflated).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
