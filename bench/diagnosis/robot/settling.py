@@ -232,10 +232,10 @@ class RobotJudges(Denials):
         All together may not make whole recordings, standing up and all, half as bad again, unless
         how the robot stands up has a name of its own beside them (``risen`` asks of a fit), and
         must take a third of what is far off. Before one is taken back it is asked for at other
-        sizes, as far as two engines differ about it; next to falling all are. None may be as far as it may
-        go: of 95 names of opened proofs that was one, not true. Of a robot that is consistent it
-        must gain as much as beside another (in six nulls of another engine the best gained 6 nats,
-        deflated).
+        sizes, as far as two engines differ about it; next to falling all are. None may be as far as
+        it may go: of 95 names of opened proofs that was one, not true. Of a robot that is
+        consistent it must gain as much as beside another (in six nulls of another engine the best
+        gained 6 nats, deflated).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
