@@ -19,6 +19,7 @@ from .truths import error_of, true_parameters
 STATED_MOST = 3  #: names that a stated class may have; with more it is no answer
 POSITION_STYLE = "position"  #: the sampling style that reads nothing else
 WALK = "walk"  #: the programme of every robot
+UNKNOWN = ("unexplained", "partly_explained")  #: verdicts that say that something has no name
 CERTAIN = 0.9
 UNKNOWN_KINDS = ("deleted", "stranger")  #: their effect is in no catalogue
 RIGHT, ALSO_TRUE, WRONG = "hidden", "ordinary", "wrong"
@@ -94,7 +95,7 @@ class Judged:
     @property
     def says_unknown(self) -> bool:
         """Says that something is left, and names nothing that is not true."""
-        return self.verdict in ("unexplained", "partly_explained") and not self.wrong
+        return self.verdict in UNKNOWN and not self.wrong
 
     @property
     def alarms(self) -> bool:

@@ -15,12 +15,12 @@ from .scoring import (
     LEFT_3,
     Row,
     beside,
+    mean,
     median,
     naming,
     score,
     set_goal,
     share,
-    statistic,
 )
 
 #: good and great by row; more is better
@@ -68,18 +68,17 @@ def robot_score(cases: Sequence[Judged]) -> dict[str, Any]:
 def _f1(cases: Sequence[Judged]) -> Row:
     large = [c for c in cases if c.ratio >= AT_3]
 
-    def mean(some: Sequence[Judged], of: Callable[[Place], float]) -> Row:
-        rows = [np.array([of(c.place)]) for c in some if c.place is not None]
-        return statistic(rows, lambda x: float(np.mean(x)))
+    def of(some: Sequence[Judged], number: Callable[[Place], float]) -> Row:
+        return mean([np.array([number(c.place)]) for c in some if c.place is not None])
 
     return {
-        **mean(large, lambda p: p.f1),
-        "in_some_joints": mean(
+        **of(large, lambda p: p.f1),
+        "in_some_joints": of(
             [c for c in large if c.place is not None and not c.place.everywhere], lambda p: p.f1
         ),
-        "nameable": mean([c for c in large if c.kind not in UNKNOWN_KINDS], lambda p: p.f1),
-        "of_mismatch": mean(large, lambda p: p.mismatch_f1),
-        "at_all_sizes": mean(cases, lambda p: p.f1),
+        "nameable": of([c for c in large if c.kind not in UNKNOWN_KINDS], lambda p: p.f1),
+        "of_mismatch": of(large, lambda p: p.mismatch_f1),
+        "at_all_sizes": of(cases, lambda p: p.f1),
     }
 
 

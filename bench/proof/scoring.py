@@ -70,6 +70,11 @@ def median(groups: Sequence[Floats]) -> Row:
     return statistic(groups, lambda x: float(np.median(x)))
 
 
+def mean(groups: Sequence[Floats]) -> Row:
+    """The mean of rows, as :func:`statistic`."""
+    return statistic(groups, lambda x: float(np.mean(x)))
+
+
 def calibration_error(rows: Floats) -> float:
     """Expected calibration error of rows of stated probability and truth (0 or 1)."""
     bins = np.minimum((rows[:, 0] * BINS).astype(int), BINS - 1)
@@ -211,7 +216,7 @@ def _explained(cases: Sequence[Judged]) -> Row:
     known = [c for c in cases if c.kind not in (*UNKNOWN_KINDS, "null") and c.ratio >= AT_1]
     rows = [np.array([c.explained]) for c in known if c.explained is not None]
     return {
-        **statistic(rows, lambda x: float(np.mean(x))),
+        **mean(rows),
         "median": median(rows),
     }
 
@@ -233,10 +238,7 @@ def _coverage(cases: Sequence[Judged]) -> Row:
             for c in cases
         ]
 
-    def mean(x: Floats) -> float:
-        return float(np.mean(x))
-
-    return {**statistic(rows(True), mean), "of_shapes": statistic(rows(False), mean)}
+    return {**mean(rows(True)), "of_shapes": mean(rows(False))}
 
 
 def _calibration(cases: Sequence[Judged]) -> Row:

@@ -18,6 +18,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from .judging import UNKNOWN
 from .scoring import (
     AT_1,
     AT_3,
@@ -25,6 +26,7 @@ from .scoring import (
     LEFT_3,
     Row,
     calibration_error,
+    mean,
     median,
     share,
     statistic,
@@ -36,7 +38,6 @@ Case = dict[str, str]
 NEEDED = frozenset(COLUMNS) - {  #: what tables have always had
     *("ratio_walking", "ratio_left", "true_stance", "told_stance")
 }
-UNKNOWN = ("unexplained", "partly_explained")  #: verdicts that say that something has no name
 #: an estimate with its interval, as a table has it
 SHOWN = re.compile(r"(?P<name>[^=\s]+)=(?P<value>[^\[]+)\[(?P<low>[^;]+);(?P<high>[^\]]+)\]")
 
@@ -101,15 +102,13 @@ def rows(cases: Sequence[Case]) -> dict[str, Row]:
         "calibration error of stated probabilities": statistic(
             [np.array(stated(c)).reshape(-1, 2) for c in cases], calibration_error
         ),
-        "share of explainable held-out misfit removed (mean)": statistic(
-            [np.array([float(c["explained_share"])]) for c in known if c["explained_share"]],
-            lambda x: float(np.mean(x)),
+        "share of explainable held-out misfit removed (mean)": mean(
+            [np.array([float(c["explained_share"])]) for c in known if c["explained_share"]]
         ),
         "parameter error (median)": median([np.array(list(errors(c))) for c in large]),
         "intervals that hold the truth": share(within for c in cases for within in held(c)),
-        "joint group F1 (mean)": statistic(
-            [np.array([float(c["joint_group_f1"])]) for c in placed if c["joint_group_f1"]],
-            lambda x: float(np.mean(x)),
+        "joint group F1 (mean)": mean(
+            [np.array([float(c["joint_group_f1"])]) for c in placed if c["joint_group_f1"]]
         ),
         "phase right, where one is told": share(c["told_phase"] == c["true_phase"] for c in told),
         "share of stance that is told, off by (median)": median(
