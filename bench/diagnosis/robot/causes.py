@@ -73,6 +73,11 @@ def cause_of(
     )
 
 
+def chance_of(model: RobotModel, found: RobotFindings, gain: RobotGain) -> float:
+    """Probability of an effect by likelihoods among all that could be in its place."""
+    return _rivals(model, found, gain)[0]
+
+
 def _rivals(model: RobotModel, found: RobotFindings, gain: RobotGain) -> tuple[float, list[Rival]]:
     """Probability of an effect among all that could be in its place, and those close behind it."""
     kind = model.placed[gain.name].effect.name

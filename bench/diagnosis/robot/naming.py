@@ -17,7 +17,7 @@ from .model import RATTLING, Progress, is_play
 from .rattling import Rattling, Shaker, is_spring
 from .rising import Riser, Rising
 from .search import RobotSearch
-from .settling import RobotJudges
+from .settling import UNSURE, RobotJudges
 
 
 class Named(NamedTuple):
@@ -182,7 +182,7 @@ class Naming:
 
         No more names are looked for where a robot with them is as far from its recordings as one
         that is as believed. Where the first name is taken back there is a second search without it,
-        if there is time, and if it shall search ``again``.
+        if there is time, and if it shall search ``again``; not where others are as likely.
         """
         done, far = self.held.consistent, self.held.far
 
@@ -191,7 +191,8 @@ class Naming:
 
         found = self.search.run(without=without, base=base, done=done, far=far)
         taken, after, rejected = self.held.kept(found, self.tell, risen)
-        if not again or not found.taken or found.taken[0] in taken:
+        alike = any(row["because"] == UNSURE for row in rejected)
+        if not again or not found.taken or found.taken[0] in taken or alike:
             return Named(found, taken, after, rejected)
         without |= {self.search.model.placed[found.taken[0].name].effect.name}
         try:

@@ -13,7 +13,7 @@ from busemu.tables import Robot
 
 from ..joint.growing import RELIEF
 from ..joint.rivals import CLOSE
-from .causes import number_of
+from .causes import chance_of, number_of
 from .denials import Denials
 from .features import RobotKind
 from .fit import FIRM, REGISTERS, RobotFit
@@ -39,18 +39,22 @@ SAMPLES = 1.6
 STANDING = 2.0
 ENDS = 1  #: so many of the robot's tolerances may be at their ends; nulls had 0 or 1, few 2, one 3
 LITTLE = 0.1  #: share of the misfit above the floor that a name must take away where it is judged
-#: the same of all names together, of samples or of means over the phase, where samples are far off
-#: with them: of 55 opened answers four took less of both, three wrong ones and one half of a pair
-PART = 1.0 / 3.0
+#: the same of all names together, of samples, where those are far off with them: of 60 opened
+#: answers six of seven that took less were wrong, and all that are wholly right took 0.56 and more
+PART = 0.5
 #: share by which the mean square of samples may be more with a name that tolerances had stood in
 #: for; assumed
 SPOILT = 0.1
 FALLEN = 30.0  #: floors of misfit beyond which a robot stands or lies otherwise; assumed
+#: probability by likelihoods below which names are not said: of three that were, one is true
+UNLIKELY = 0.25
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
 FARTHER = "its number is as far as it may be, and would go farther: it stands for something else"
 NO_PART = "all names together leave most of what recordings that were not used to fit are off by"
 NO_BETTER = "recordings that were not used to fit are no better with it"
+LEFT_OUT = "groups of recordings that were left out in turn are no better with it"
+UNSURE = "effects of other kinds follow the recordings as well: it is less likely than not"
 
 
 def far_off(rms_rad: float, floor_rad: float) -> bool:
@@ -100,8 +104,10 @@ class RobotJudges(Denials):
 
     def quiet(self, base: RobotFit) -> bool:
         """Whether no more than noise is left, wherever tolerances have gone for that."""
-        if self.volts_denied(base) or self.duties_denied(base):
-            return False
+        return not self.volts_denied(base) and not self.duties_denied(base) and self.placid(base)
+
+    def placid(self, base: RobotFit) -> bool:
+        """Whether no more than noise is left of positions, whatever registers show."""
         fitted = self.over_noise(base, self.which) < (STANDING if self.stands else FITTED)
         judged = not self.held_out or self.over_noise(base, self.judges) < JUDGED
         return fitted and judged and not self.rest(base).local and not self.unlike(base)
@@ -231,19 +237,19 @@ class RobotJudges(Denials):
 
         All together may not make whole recordings, standing up and all, half as bad again, unless
         how the robot stands up has a name of its own beside them (``risen`` asks of a fit), and
-        must take a third of what is far off. Before one is taken back it is asked for at other
-        sizes, as far as two engines differ about it; next to falling all are. None may be as far as
-        it may go: of 95 names of opened proofs that was one, not true. Of a robot that is
-        consistent it must gain as much as beside another (in six nulls of another engine the best
-        gained 6 nats, deflated).
+        must take half of what is far off: if not, those go that no register asks for. Before one is
+        taken back it is asked for at other sizes, as far as two engines differ about it; next to
+        falling all are. None may be as far as it may go: of 95 names of opened proofs that was one,
+        not true. Of a robot that is consistent but for registers that do not ask for it, it must
+        gain as much as beside another (in six nulls of another engine the best gained 6 nats,
+        deflated).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
-        calm = bool(taken) and self.consistent(found.base)
-        quiet = calm or (bool(taken) and self.quiet(found.base))
+        quiet = bool(taken) and self.quiet(found.base)
+        calm = bool(taken) and len(self.at_ends(found.base)) <= ENDS and self.placid(found.base)
         for gain in found.taken:
-            faint = calm and gain.counting(found.base) < BESIDE
-            if because := FAINT if faint else self._refused(found.base, now, gain, quiet):
+            if because := self._refused(found, now, gain, calm=calm, quiet=quiet):
                 now = self.without(found.base, now, gain.name)
                 taken = [other for other in taken if other is not gain]
                 rejected.append(self._taken_back(gain, because))
@@ -258,10 +264,14 @@ class RobotJudges(Denials):
             spare = {name: self._spare(fit, now, seen, least) for name, fit in fits.items()}
             worst = min(taken, key=lambda gain: spare[gain.name])
             if spare[worst.name] > 0.0 and (not much_worse(seen.whole, begun.whole) or risen(now)):
-                if self._no_part(found.base, now, begun.steady, seen.steady):
-                    rejected += [self._taken_back(gain, NO_PART) for gain in taken]
-                    return [], found.base, rejected
-                break
+                idle = self._no_part(now, fits, begun.steady, seen.steady)
+                if not idle:
+                    break
+                for gain in [gain for gain in taken if gain.name in idle]:
+                    now = self.without(found.base, now, gain.name)
+                    taken = [other for other in taken if other is not gain]
+                    rejected.append(self._taken_back(gain, NO_PART))
+                continue
             others = [gain.name for gain in taken] if self.fallen(now) else []
             asked = [n for n in dict.fromkeys((worst.name, *others)) if n not in resized]
             sized = {name: self.resized(now, name) for name in asked}
@@ -276,18 +286,18 @@ class RobotJudges(Denials):
             taken = [gain for gain in taken if gain is not worst]
         return taken, now, rejected
 
-    def _no_part(self, base: RobotFit, now: RobotFit, before: float, left: float) -> bool:
-        """Whether names leave two thirds of the misfit, of samples and of means, far over noise.
+    def _no_part(
+        self, now: RobotFit, without: Mapping[str, RobotFit], before: float, left: float
+    ) -> list[str]:
+        """Names, no register asking for them, of those that leave half of what samples are off by.
 
-        Not where a register asks for them, nor where little decides how a robot lies.
+        None where what is left is not far over noise, or little decides how a robot lies.
+        ``without`` has the fit without each.
         """
-        sound = self.sound_rad
-        if not far_off(left**0.5, sound) or before - left >= PART * (before - sound**2):
-            return False
-        means = self.square(base, self.judges)
-        if means - self.square(now, self.judges) >= PART * (means - self.floor_square):
-            return False
-        return not self.fallen(now) and not self.restores(base, now)
+        far, off = far_off(left**0.5, self.sound_rad), before - self.sound_rad**2
+        if not far or before - left >= PART * off or self.fallen(now):
+            return []
+        return [name for name, fit in without.items() if not self.restores(fit, now)]
 
     def _taken_back(self, gain: RobotGain, because: str) -> Mapping[str, Any]:
         """A name that does not hold, as ``diagnosis.json`` has it."""
@@ -298,18 +308,35 @@ class RobotJudges(Denials):
             "because": because,
         }
 
-    def _refused(self, base: RobotFit, now: RobotFit, gain: RobotGain, quiet: bool) -> str:
+    def _refused(
+        self, found: RobotFindings, now: RobotFit, gain: RobotGain, *, calm: bool, quiet: bool
+    ) -> str:
         """Why a name does not hold whatever recordings say that judge; nothing if it may.
 
-        Where no more than noise is left without any, it must be more than a tolerance has, or gain
+        One that no register asks for must gain as much as beside another where positions are
+        ``calm``, must gain on groups left out, and must be likelier than all else. Where no more
+        than noise is left without any (``quiet``), it must be more than a tolerance has, or gain
         much and free several of them from their ends: together that is more than they have.
         """
+        base = found.base
         if number_of(self.search, now, gain.name).state == "at bound":
             return FARTHER
+        if (weak := self._weak(found, gain, calm)) and not self.restores(
+            self.without(base, now, gain.name), now
+        ):
+            return weak
         if not quiet or not self.ordinary(now, gain.name):
             return ""
         frees = gain.counting(base) >= BESIDE and self.strained(base) and not self.strained(now)
         return "" if frees else ORDINARY
+
+    def _weak(self, found: RobotFindings, gain: RobotGain, calm: bool) -> str:
+        """Why a name is not enough by its gains and its rivals'; nothing if it is."""
+        if calm and gain.counting(found.base) < BESIDE:
+            return FAINT
+        if gain.held_out is not None and gain.held_out <= 0.0:
+            return LEFT_OUT
+        return UNSURE if chance_of(self.model, self.undenied(found), gain) < UNLIKELY else ""
 
     def ordinary(self, now: RobotFit, name: str) -> bool:
         """Whether a name may be no more than a tolerance has it, by its interval."""

@@ -11,6 +11,7 @@ from bench.diagnosis.robot.model import RATTLING
 from bench.diagnosis.robot.naming import Answer, Named, Naming
 from bench.diagnosis.robot.rattling import Shaker, is_play, is_spring
 from bench.diagnosis.robot.rising import Riser
+from bench.diagnosis.robot.settling import NO_BETTER, UNSURE
 from bench.diagnosis.watch import OutOfTimeError
 from sim.effects import effect
 
@@ -260,11 +261,16 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
 
 
 @pytest.mark.parametrize(
-    ("cut", "again"),
-    [(False, True), (True, True), (False, False)],
-    ids=["in time", "cut", "beside play"],
+    ("cut", "again", "because"),
+    [
+        (False, True, NO_BETTER),
+        (True, True, NO_BETTER),
+        (False, False, NO_BETTER),
+        (False, True, UNSURE),
+    ],
+    ids=["in time", "cut", "beside play", "one of several"],
 )
-def test_what_was_found_is_told_whatever_the_time(cut, again):
+def test_what_was_found_is_told_whatever_the_time(cut, again, because):
     """Only another search is left out: the first one's name was taken back."""
     told, searches = [], []
 
@@ -280,15 +286,16 @@ def test_what_was_found_is_told_whatever_the_time(cut, again):
         say("asking")
         (gain,) = found.taken
         taken = [gain] if gain.name == "punch@all" else []
-        return taken, found, [] if taken else [{"effect": gain.name}]
+        return taken, found, [] if taken else [row]
 
+    row = {"effect": "dead_zone@all", "because": because}
     made = naming(tell=told.append, kept=kept)
     made.search.run = run
-    twice = again and not cut
+    twice = again and not cut and because != UNSURE
     found, taken, _, rejected = made.searched(AS_BELIEVED, frozenset(), again)
     assert [gain.name for gain in taken] == (["punch@all"] if twice else [])
     assert found.taken[0].name == ("punch@all" if twice else "dead_zone@all")
-    assert rejected == [{"effect": "dead_zone@all"}]
+    assert rejected == [row]
     assert told == ["asking"] * (2 if twice else 1)
 
 

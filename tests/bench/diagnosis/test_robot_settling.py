@@ -22,12 +22,14 @@ from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
 from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
+    ENDS,
     FAINT,
     FALLEN,
     FAR,
     FARTHER,
     FITTED,
     JUDGED,
+    LEFT_OUT,
     LITTLE,
     NO_BETTER,
     NO_PART,
@@ -35,6 +37,8 @@ from bench.diagnosis.robot.settling import (
     SAMPLES,
     SPOILT,
     STANDING,
+    UNLIKELY,
+    UNSURE,
     RobotJudges,
     Squares,
 )
@@ -306,13 +310,14 @@ def test_without_recordings_that_judge_those_that_were_fitted_say_it():
 
 @pytest.fixture(autouse=True)
 def numbers(monkeypatch):
-    """Numbers of names are pinned but for those that are ``farthest``."""
+    """Numbers of names are pinned but for those that are ``farthest``; none has a rival."""
 
     def number_of(search, now, name):
         state = "at bound" if name in Given.farthest else "pinned"
         return Estimate(0.0, (0.0, 0.0), "", state)
 
     monkeypatch.setattr(settling, "number_of", number_of)
+    monkeypatch.setattr(settling, "chance_of", lambda model, found, gain: Given.chance)
 
 
 class Given(RobotJudges):
@@ -333,12 +338,20 @@ class Given(RobotJudges):
     counts: ClassVar = 1.1 * BESIDE
     free: ClassVar = True
     farthest: ClassVar = frozenset()
+    left_out: ClassVar = 1.0
+    chance: ClassVar = 1.0
 
     def quiet(self, base):
         return self.calm
 
-    def consistent(self, base):
-        return self.calm and self.free
+    def placid(self, base):
+        return self.calm
+
+    def at_ends(self, base):
+        return ["gain"] * (ENDS if self.free else ENDS + 1)
+
+    def undenied(self, found):
+        return found
 
     def ordinary(self, now, name):
         return name in self.usual
@@ -388,7 +401,8 @@ def kept(
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
     Given.costs, Given.denied, Given.low = costs or {}, denied or {}, low or {}
-    gains = [SimpleNamespace(name=n, deflated=20.0, counting=lambda _: own.counts) for n in names]
+    one = {"deflated": 20.0, "held_out": own.left_out, "counting": lambda _: own.counts}
+    gains = [SimpleNamespace(name=n, **one) for n in names]
     found = SimpleNamespace(
         base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
     )
@@ -405,19 +419,30 @@ def test_a_name_that_takes_much_of_the_misfit_away_stays():
 @pytest.mark.parametrize(
     ("left", "more", "stays"),
     [
-        (6.4, {}, ""),  # a third of eight is 2.67
-        (6.2, {}, "a"),
+        (5.1, {}, ""),  # half of eight is four
+        (4.9, {}, "a"),
+        (5.1, {"phases": {(): 9.0, ("a",): 1.5}}, ""),  # whatever means over the phase show
         (2.5, {"seen": {(): 2.6, ("a",): 2.5}}, "a"),  # no farther off than noise may be
-        (6.4, {"phases": {(): 9.0, ("a",): 6.2}}, "a"),  # of what means over the phase show
         (6.4, {"phases": {(): 42.0, ("a",): FALLEN + 1.0}}, "a"),  # lies otherwise
         (6.4, {"denied": {(): 1.0}}, "a"),  # voltages ask for it
         (6.4, {"low": {(): 1.0}}, "a"),  # loads do
+        (6.4, {"denied": {(): 1.0, ("a",): 0.6}}, ""),  # but it is not that
     ],
 )
 def test_names_that_leave_most_of_what_is_far_off_are_no_part_of_it(monkeypatch, left, more, stays):
     monkeypatch.setattr(Given, "sound_rad", 1.0)
     given = {"phases": {(): 9.0, ("a",): 6.4}, "seen": {(): 9.0, ("a",): left}} | more
     assert kept(**given, because=NO_PART) == tuple(stays)
+
+
+def test_of_names_that_are_no_part_of_it_those_stay_that_a_register_asks_for(monkeypatch):
+    monkeypatch.setattr(Given, "sound_rad", 1.0)
+    squares = {(): 9.0, ("a",): 7.5, ("b",): 8.0, ("a", "b"): 6.5}
+    asked = {(): 0.7, ("a",): 0.7}  # another voltage, but with b
+    costs = {("a", "b"): 99.0, ("a",): 100.0}
+    assert kept(squares, denied=asked, costs=costs, because=NO_PART) == ("b",)
+    half = squares | {("a", "b"): 4.9}
+    assert kept(half, denied=asked, costs=costs) == ("a", "b")
 
 
 @pytest.mark.parametrize(
@@ -476,6 +501,34 @@ def test_of_a_robot_that_is_consistent_a_name_must_gain_as_much_as_beside_anothe
     monkeypatch.setattr(Given, "free", free)
     monkeypatch.setattr(Given, "counts", share * BESIDE)
     assert kept({(): 5.0, ("a",): 1.5}, because=FAINT) == tuple(stays)
+
+
+@pytest.mark.parametrize(
+    ("what", "enough", "too_little", "because"),
+    [
+        ("counts", 1.1 * BESIDE, 0.9 * BESIDE, FAINT),
+        ("left_out", 0.1, -0.1, LEFT_OUT),
+        ("left_out", None, -0.1, LEFT_OUT),  # all recordings are of one group
+        ("chance", 1.1 * UNLIKELY, 0.9 * UNLIKELY, UNSURE),
+    ],
+)
+@pytest.mark.parametrize(
+    ("denied", "asks"),
+    [
+        ({}, False),
+        ({(): -0.7, ("a",): -0.5}, False),  # which is not what voltages show
+        ({(): -0.7}, True),
+    ],
+)
+def test_a_name_that_no_register_asks_for_must_be_firm(
+    monkeypatch, what, enough, too_little, because, denied, asks
+):
+    """Where positions are as believed and a register denies that, what it does not ask for, too."""
+    monkeypatch.setattr(Given, "calm", True)
+    squares = {(): 5.0, ("a",): 1.5}
+    for value, stays in ((enough, "a"), (too_little, "a" if asks else "")):
+        monkeypatch.setattr(Given, what, value)
+        assert kept(squares, denied=denied, because=because) == tuple(stays)
 
 
 @pytest.mark.parametrize(
@@ -653,7 +706,8 @@ def steep(at, squares, high=9.0):
     Given.phases = {tuple(np.clip([at * (1.0 + x)], 0, high)): y for x, y in squares.items()}
     Given.phases[()] = 5.0
     base, now = (RobotFit(n, np.array(z), {}, 0.0) for n, z in (((), []), (("a",), [at])))
-    found = SimpleNamespace(base=base, fit=now, taken=[SimpleNamespace(name="a", deflated=20.0)])
+    gain = SimpleNamespace(name="a", deflated=20.0, held_out=None)
+    found = SimpleNamespace(base=base, fit=now, taken=[gain])
     taken, now, _ = own.kept(found, lambda _: None)
     return [gain.name for gain in taken], now.z.tolist()
 
@@ -700,7 +754,7 @@ def test_next_to_falling_every_name_is_asked_for_at_sizes_a_little_aside(monkeyp
     )
     own = Leaning(search, None, FITS, JUDGES, held_out=True)
     now = RobotFit(("a", "b"), np.ones(2), {}, 0.0)
-    gains = [SimpleNamespace(name=n, deflated=20.0) for n in "ab"]
+    gains = [SimpleNamespace(name=n, deflated=20.0, held_out=None) for n in "ab"]
     found = SimpleNamespace(base=RobotFit((), np.zeros(0), {}, 0.0), fit=now, taken=gains)
     kept, after, _ = own.kept(found, lambda _: None)
     assert [gain.name for gain in kept] == taken
