@@ -20,7 +20,7 @@ from .fit import FIRM, REGISTERS, RobotFit
 from .gains import RobotFindings, RobotGain
 from .improved import of_settings, tolerated
 from .judging import floor_rad, judge, rmse_rad, steady_rmse_rad
-from .model import Progress
+from .model import Progress, is_play
 from .nuisances import RobotNuisance
 from .rest import Rest, rest_of
 from .search import AT_END
@@ -265,7 +265,7 @@ class RobotJudges(Denials):
             worst = min(taken, key=lambda gain: spare[gain.name])
             if spare[worst.name] > 0.0 and (not much_worse(seen.whole, begun.whole) or risen(now)):
                 idle = self._no_part(now, fits, begun.steady, seen.steady)
-                if not idle:
+                if not idle or any(map(is_play, found.base.names)):
                     break
                 for gain in [gain for gain in taken if gain.name in idle]:
                     now = self.without(found.base, now, gain.name)
@@ -291,8 +291,8 @@ class RobotJudges(Denials):
     ) -> list[str]:
         """Names, no register asking for them, of those that leave half of what samples are off by.
 
-        None where what is left is not far over noise, or little decides how a robot lies.
-        ``without`` has the fit without each.
+        None where what is left is not far over noise, where little decides how a robot lies, or
+        where it rattles. ``without`` has the fit without each.
         """
         far, off = far_off(left**0.5, self.sound_rad), before - self.sound_rad**2
         if not far or before - left >= PART * off or self.fallen(now):

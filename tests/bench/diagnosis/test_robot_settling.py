@@ -393,6 +393,7 @@ def kept(
     low=None,
     because=NO_BETTER,
     risen=(),
+    base=(),
 ):
     names = max(phases, key=len)
     placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
@@ -404,7 +405,7 @@ def kept(
     one = {"deflated": 20.0, "held_out": own.left_out, "counting": lambda _: own.counts}
     gains = [SimpleNamespace(name=n, **one) for n in names]
     found = SimpleNamespace(
-        base=SimpleNamespace(names=()), fit=SimpleNamespace(names=names), taken=gains
+        base=SimpleNamespace(names=base), fit=SimpleNamespace(names=names), taken=gains
     )
     taken, now, rejected = own.kept(found, lambda _: None, lambda fit: fit.names in risen)
     assert now.names == tuple(gain.name for gain in taken)
@@ -416,6 +417,9 @@ def test_a_name_that_takes_much_of_the_misfit_away_stays():
     assert kept({(): 5.0, ("a",): 1.5}) == ("a",)
 
 
+RATTLES = {("a",): 6.4, ("backlash@all",): 9.0, (): 9.0}
+
+
 @pytest.mark.parametrize(
     ("left", "more", "stays"),
     [
@@ -424,6 +428,7 @@ def test_a_name_that_takes_much_of_the_misfit_away_stays():
         (5.1, {"phases": {(): 9.0, ("a",): 1.5}}, ""),  # whatever means over the phase show
         (2.5, {"seen": {(): 2.6, ("a",): 2.5}}, "a"),  # no farther off than noise may be
         (6.4, {"phases": {(): 42.0, ("a",): FALLEN + 1.0}}, "a"),  # lies otherwise
+        (6.4, {"base": ("backlash@all",), "phases": RATTLES, "seen": RATTLES}, "a"),
         (6.4, {"denied": {(): 1.0}}, "a"),  # voltages ask for it
         (6.4, {"low": {(): 1.0}}, "a"),  # loads do
         (6.4, {"denied": {(): 1.0, ("a",): 0.6}}, ""),  # but it is not that
