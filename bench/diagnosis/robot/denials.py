@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.effects.effect import Group
+
 from .features import RobotKind
 from .fit import RobotFit, voltage_noise
 from .model import RobotModel
@@ -68,11 +70,14 @@ class Denials:
     def restores(self, without: RobotFit, now: RobotFit) -> bool:
         """Whether a register asks for a name: it denies the model, and less than half so with it.
 
-        Voltages do, or duties. What is left of it then is told. Positions of two engines may want
-        another size.
+        Voltages do, or duties: these where the two differ by an effect of the controller's, as
+        along the recorded angles nothing else plays a part in them. What is left of it then is
+        told. Positions of two engines may want another size.
         """
+        names = set(now.names).symmetric_difference(without.names)
+        laws = [n for n in names if self.model.placed[n].effect.group is Group.CONTROLLER]
         return any(
             before != 0.0 and abs(off(now)) < MOST * abs(before)
-            for off in (self.volts_denied, self.duties_denied)
+            for off in (self.volts_denied, *((self.duties_denied,) if laws else ()))
             if (before := off(without))
         )

@@ -44,6 +44,7 @@ from bench.diagnosis.robot.settling import (
 )
 from bench.diagnosis.robot.steps import BESIDE, WORSE
 from busemu.tables import load_robot
+from sim.effects import Group
 from sim.model import read_model
 
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
@@ -102,6 +103,7 @@ def judges(left, held_out=True, volts=None, joint_rad=0.0):
         spread={0: {RobotKind.JOINTS: np.zeros(100)}},
         quantum_rad=0.0,
         chance=lambda r: np.zeros(100),
+        placed={n: effect_of(n) for n in ("supply", "gain", "limit", "far", "tips", "a")},
         base=SimpleNamespace(
             supply=SimpleNamespace(voltage_v=SUPPLY_V),
             joints=[SimpleNamespace(name=f"leg{n}.femur") for n in range(10)],
@@ -383,6 +385,10 @@ class Given(RobotJudges):
         return SimpleNamespace(names=left)
 
 
+def effect_of(name, group=Group.CONTROLLER):
+    return SimpleNamespace(effect=SimpleNamespace(name=name, group=group), where=())
+
+
 def kept(
     phases,
     seen=None,
@@ -394,9 +400,10 @@ def kept(
     because=NO_BETTER,
     risen=(),
     base=(),
+    own_gear=(),
 ):
     names = max(phases, key=len)
-    placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in names}
+    placed = {n: effect_of(n, Group.GEAR if n in own_gear else Group.CONTROLLER) for n in names}
     search = SimpleNamespace(model=SimpleNamespace(placed=placed))
     own = Given(search, FITS, JUDGES, None, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
@@ -431,6 +438,7 @@ RATTLES = {("a",): 6.4, ("backlash@all",): 9.0, (): 9.0}
         (6.4, {"base": ("backlash@all",), "phases": RATTLES, "seen": RATTLES}, "a"),
         (6.4, {"denied": {(): 1.0}}, "a"),  # voltages ask for it
         (6.4, {"low": {(): 1.0}}, "a"),  # loads do
+        (6.4, {"low": {(): 1.0}, "own_gear": "a"}, ""),  # loads ask for nothing outside a law
         (6.4, {"denied": {(): 1.0, ("a",): 0.6}}, ""),  # but it is not that
     ],
 )
@@ -702,7 +710,7 @@ class Steep(Given):
 
 def steep(at, squares, high=9.0):
     """What is kept of a name at a size, squares given by size."""
-    placed = {"a": SimpleNamespace(effect=SimpleNamespace(name="a"), where=())}
+    placed = {"a": effect_of("a")}
     sight = SimpleNamespace(box=lambda names: (np.zeros(1), np.full(1, high)))
     search = SimpleNamespace(
         model=SimpleNamespace(placed=placed), sight=sight, replayed=lambda found: found
@@ -752,7 +760,7 @@ def test_next_to_falling_every_name_is_asked_for_at_sizes_a_little_aside(monkeyp
     cliff = 1.0 + share * ENGINES_SHARE
     monkeypatch.setattr(Leaning, "cliff", cliff)
     monkeypatch.setattr(Given, "whole", dict.fromkeys([(), ("a",), ("b",), ("a", "b")], 1.0))
-    placed = {n: SimpleNamespace(effect=SimpleNamespace(name=n), where=()) for n in "ab"}
+    placed = {n: effect_of(n) for n in "ab"}
     sight = SimpleNamespace(box=lambda names: (np.zeros(2), np.full(2, 9.0)))
     search = SimpleNamespace(
         model=SimpleNamespace(placed=placed), sight=sight, replayed=lambda found: found
