@@ -103,7 +103,8 @@ def judges(left, held_out=True, volts=None, joint_rad=0.0):
         spread={0: {RobotKind.JOINTS: np.zeros(100)}},
         quantum_rad=0.0,
         chance=lambda r: np.zeros(100),
-        placed={n: effect_of(n) for n in ("supply", "gain", "limit", "far", "tips", "a")},
+        placed={n: effect_of(n) for n in ("gain", "limit", "far", "a")}
+        | {n: effect_of(n, Group.GEAR) for n in ("supply", "tips")},
         base=SimpleNamespace(
             supply=SimpleNamespace(voltage_v=SUPPLY_V),
             joints=[SimpleNamespace(name=f"leg{n}.femur") for n in range(10)],
