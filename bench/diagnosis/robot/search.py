@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..joint.rivals import CLOSE
 from ..watch import OutOfTimeError
-from .effects import Placed, leg_of
+from .effects import ONE_WITH, Placed, leg_of
 from .fit import ENOUGH, RobotFit
 from .gains import HOPELESS, NEEDED, RobotFindings, RobotGain
 from .screen import Screen, stretched, worth_fitting
@@ -199,7 +199,9 @@ class RobotSearch(Steps):
                 outside += before - after
             nats = gain.nats + now.cost - fit.cost
             better = replace(other, fit=fit, nats=nats, held_out=outside)
-            if fit.cost > now.cost - ENOUGH or not self._holds(better, now):
+            # what is the less likely of two that are one must be ahead by more than chance
+            needed = other.apart if ONE_WITH.get(other.name) == gain.name else ENOUGH
+            if fit.cost > now.cost - needed or not self._holds(better, now):
                 continue
             taken[k], now = better, fit
             tried[k] = (better, *(each for each in tried[k] if each is not other))

@@ -156,10 +156,10 @@ class RobotJudges(Denials):
         return float(np.clip(1.0 - left / more, -1.0, 1.0)) if more else 0.0
 
     def undenied(self, found: RobotFindings) -> RobotFindings:
-        """Findings without those rivals that voltages speak against, where less against the name.
+        """Findings without those rivals that registers speak against, where less against the name.
 
         Means over the phase may follow a low gain as well as a low supply, and a likelihood with
-        heavy tails lets one channel be far off.
+        heavy tails lets one channel be far off. Only rivals beside the same names are asked.
         """
         tried, alike = list(found.tried), dict(found.alike)
         for gain in found.taken:
@@ -167,6 +167,8 @@ class RobotJudges(Denials):
             if k is None:
                 continue
             close = [g for g in tried[k] if g is not gain and gain.ahead_of(g) < CLOSE]
+            beside = {g.name: set(g.fit.names) - {g.name} for g in (gain, *close)}
+            close = [g for g in close if beside[g.name] == beside[gain.name]]
             denied = {g.name for g in close if self.restores(g.fit, gain.fit)}
             tried[k] = tuple(g for g in tried[k] if g.name not in denied)
             alike[gain.name] = tuple(p for p in alike.get(gain.name, ()) if p[0] not in denied)

@@ -326,6 +326,26 @@ def test_the_next_best_takes_its_place_if_it_does_better_beside_what_was_found_l
     assert search.last is now
 
 
+@pytest.mark.parametrize(
+    ("weight", "more", "first"),
+    [
+        ("effect0@all", 0.9 * APART_NATS, "effect0@all"),
+        ("effect0@all", 1.1 * APART_NATS, "effect1@all"),
+        ("effect3@all", 0.9 * APART_NATS, "effect1@all"),
+    ],
+)
+def test_the_less_likely_of_two_that_are_one_takes_no_place_by_chance(
+    monkeypatch, weight, more, first
+):
+    monkeypatch.setattr("bench.diagnosis.robot.search.ONE_WITH", {"effect1@all": weight})
+    steps = [tuple(gains(30.0, 20.0)), (gains(20.0, 5.0, 50.0)[2],)]
+    both = RobotFit(("effect0@all", "effect2@all"), np.zeros(2), {}, -50.0)
+    search = Exact({})
+    search.promised = {("effect1@all", "effect2@all"): 50.0 + more}
+    now, *_ = search._exchanged(both, [step[0] for step in steps], steps)
+    assert now.names[0] == first
+
+
 def test_what_was_found_alone_is_exchanged_for_nothing():
     search, now = Exact({}), fit("effect0@all", 30.0)
     some = gains(30.0, 20.0)

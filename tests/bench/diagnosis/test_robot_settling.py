@@ -826,6 +826,21 @@ def test_a_rival_that_servos_voltages_deny_is_none_unless_they_deny_the_name(
 
 
 @pytest.mark.parametrize(
+    ("names", "left"), [(("far",), ["supply", "far"]), (("far", "gain"), ["supply"])]
+)
+def test_a_rival_is_not_denied_for_what_another_name_would_answer(monkeypatch, names, left):
+    """As a weight that was fitted alone, and a trunk that took its place beside a gain."""
+    monkeypatch.setattr(RobotJudges, "volts_denied", lambda self, fit: 0.0)
+    monkeypatch.setattr(RobotJudges, "duties_denied", lambda self, fit: 9.0 * ("far" in fit.names))
+    beside = RobotFit(("supply", "gain"), np.zeros(2), {}, -60.0)
+    rival = RobotGain("far", RobotFit(names, np.zeros(len(names)), {}, -58.0), 58.0, 1.0, None)
+    named, later = RobotGain("supply", beside, 60.0, 1.0, None), gain_of("gain", 30.0)
+    found = RobotFindings(BASE, beside, (named, later), ((named, rival), (later,)), {}, ())
+    told = judges({}).undenied(found)
+    assert [gain.name for gain in told.tried[0]] == left
+
+
+@pytest.mark.parametrize(
     ("explainable", "squares", "volts", "share"),
     [
         (4e-6, (5e-6, 2e-6), (0.0, 0.0), 0.75),
