@@ -239,12 +239,12 @@ class RobotJudges(Denials):
 
         All together may not make whole recordings, standing up and all, half as bad again, unless
         how the robot stands up has a name of its own beside them (``risen`` asks of a fit), and
-        must take half of what is far off: if not, those go that no register asks for. Before one is
-        taken back it is asked for at other sizes, as far as two engines differ about it; next to
-        falling all are. None may be as far as it may go: of 95 names of opened proofs that was one,
-        not true. Of a robot that is consistent but for registers that do not ask for it, it must
-        gain as much as beside another (in six nulls of another engine the best gained 6 nats,
-        deflated).
+        must take half of what is far off: if not, those go that no register asks for (but beside
+        play: samples rattle then). Before one is taken back it is asked for at other sizes, as far
+        as two engines differ about it; next to falling all are. None may be as far as it may go: of
+        95 names of opened proofs that was one, not true. Of a robot that is consistent but for
+        registers that do not ask for it, it must gain as much as beside another (in six nulls of
+        another engine the best gained 6 nats, deflated).
         """
         taken, now = list(found.taken), found.fit
         rejected: list[Mapping[str, Any]] = []
@@ -293,8 +293,8 @@ class RobotJudges(Denials):
     ) -> list[str]:
         """Names, no register asking for them, of those that leave half of what samples are off by.
 
-        None where what is left is not far over noise, where little decides how a robot lies, or
-        where it rattles. ``without`` has the fit without each.
+        None where what is left is not far over noise, or little decides how a robot lies.
+        ``without`` has the fit without each.
         """
         far, off = far_off(left**0.5, self.sound_rad), before - self.sound_rad**2
         if not far or before - left >= PART * off or self.fallen(now):
