@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.effects.effect import Group
+from sim.effects import Group
 
 from .features import RobotKind
 from .fit import RobotFit, voltage_noise

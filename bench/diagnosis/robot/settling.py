@@ -25,7 +25,7 @@ from .nuisances import RobotNuisance
 from .rest import Rest, rest_of
 from .search import AT_END
 from .sizes import BETWEEN, best_size
-from .steps import BESIDE, WORSE, much_worse
+from .steps import BESIDE, LEFT_OUT, WORSE, much_worse
 
 #: mean squares over those of noise up to which robots are as believed, where tolerances were
 #: fitted and elsewhere; ten nulls of another engine had 0.20 to 0.56, and 0.40 to 1.65
@@ -53,8 +53,7 @@ FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else i
 FARTHER = "its number is as far as it may be, and would go farther: it stands for something else"
 NO_PART = "all names together leave most of what recordings that were not used to fit are off by"
 NO_BETTER = "recordings that were not used to fit are no better with it"
-LEFT_OUT = "groups of recordings that were left out in turn are no better with it"
-UNSURE = "effects of other kinds follow the recordings as well: it is less likely than not"
+UNSURE = "too unlikely beside what follows the recordings as well, or what no catalogue has"
 
 
 def far_off(rms_rad: float, floor_rad: float) -> bool:

@@ -34,6 +34,7 @@ from .screen import Screened, stretched
 #: and of one that gains nothing on groups of recordings left out
 BESIDE = 15.0
 HELD_OUT = 1.5  #: gain [nats, deflated] on groups of recordings left out, of one that gains less
+LEFT_OUT = "groups of recordings that were left out in turn are no better with it"
 WORSE = 1.5  #: times the mean square of a whole recording that no effect may make of it,
 #: or times that of this [rad], if that is more: how a robot stands up is chance. Nulls of another
 #: engine left 1.9 to 3.2 mrad of whole recordings, and robots with a name that is true 2.2 to 3.7
@@ -282,7 +283,7 @@ class Steps(ExactFits):
             return ""
         if outside > -gain.apart and counts >= BESIDE:
             return ""
-        return "groups of recordings that were left out in turn are no better with it"
+        return LEFT_OUT
 
     def _passed_over(self, gain: RobotGain, now: RobotFit) -> RobotGain:
         """A gain that is not taken, with why."""

@@ -29,7 +29,6 @@ from bench.diagnosis.robot.settling import (
     FARTHER,
     FITTED,
     JUDGED,
-    LEFT_OUT,
     LITTLE,
     NO_BETTER,
     NO_PART,
@@ -42,7 +41,7 @@ from bench.diagnosis.robot.settling import (
     RobotJudges,
     Squares,
 )
-from bench.diagnosis.robot.steps import BESIDE, WORSE
+from bench.diagnosis.robot.steps import BESIDE, LEFT_OUT, WORSE
 from busemu.tables import load_robot
 from sim.effects import Group
 from sim.model import read_model
