@@ -23,6 +23,7 @@ from ..joint.nuisances import PUNCH, STALL, UNDOCUMENTED, has_punch
 from ..journal import Journal
 from ..noise import Block
 from .curves import Curves, Rows
+from .doubts import doubted
 from .effects import Placed, placed_effects
 from .features import APART_S, Features, RobotKind, by_kind, first_of, shown_by
 from .leaning import AXES, nearest, turned
@@ -113,9 +114,8 @@ class RobotModel:
         if all("torque_constant_nm_a" in drive for drive in robot.document["drive"].values()):
             without = {*without, STALL}
         some = [trial for trial in trials(base) if trial.name.split()[0] not in without]
-        self.nuisances: tuple[RobotNuisance, ...] = tuple(
-            n for n in nuisances(base, self.quantum_rad) if n.name.split()[0] not in without
-        )
+        every = doubted(robot, nuisances(base, self.quantum_rad))
+        self.nuisances = tuple(n for n in every if n.name.split()[0] not in without)
         self.placed: dict[str, Placed] = placed_effects(base)
         #: for each recording, the first like it
         self.motion = first_of(self.features, Features.like)
