@@ -22,18 +22,18 @@ from .fit import RobotFit
 from .gains import RobotFindings, RobotGain
 from .improved import of_causes, of_nuisances
 from .judging import Judgement, floor_rad, judge, rmse_rad, steady_rmse_rad
-from .limits import in_series, limits, other_duties, other_volts, stand_in
+from .limits import far_samples, in_series, limits, other_duties, other_volts, stand_in
 from .model import Progress, RobotModel
 from .naming import Naming
 from .next import next_experiments
 from .nuisances import LATE
 from .places import mismatch, moved
-from .rattling import Rattling, told, worsened
+from .rattling import Rattling, still_far, told, worsened
 from .replay import course
 from .rest import Rest
 from .rising import Rising, risen
 from .search import RobotSearch
-from .settling import RobotJudges, far_off
+from .settling import RobotJudges
 
 Floats = NDArray[np.float64]
 
@@ -147,7 +147,7 @@ class Work:
         # what shows as a robot stands up explains nothing of how it walks
         bare = len(causes) == (riser is not None)
         ends = self.held.strained(after, found.in_vain) if bare else ()
-        unlike = bare and far_off(fit.after, fit.noise_floor)
+        unlike = still_far(causes, fit, shaker, bare=bare)
         volts = self.held.volts_denied(after)
         off = self.held.duties_denied(after)
         left = (
@@ -167,6 +167,7 @@ class Work:
                 *stand_in(ends),
                 *other_volts(volts),
                 *other_duties(off, self.held.duties_most(after)[1]),
+                *(far_samples(fit) if unlike else ()),
                 *in_series(causes),
                 *told(shaker, shakes, shook, shaken),
                 *risen(riser),

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..result import Cause
+from ..result import Cause, FitSummary
 from .causes import SERIES
 from .features import RobotKind
 from .fit import RobotFit
@@ -157,4 +157,13 @@ def other_duties(off: float, where: str) -> tuple[str, ...]:
         f"loads of {where or 'all joints'} are {off:.0f} deviations from what the better model's "
         "law makes of recorded angles, and no name that holds explains it: compare the "
         "controller's registers (gains, punch, margins, limits) with the robot file",
+    )
+
+
+def far_samples(fit: FitSummary) -> tuple[str, ...]:
+    """What is to be said of samples that are far off with all that is named."""
+    return (
+        f"samples in which the robot walks are {1e3 * fit.after:.1f} mrad off (RMS) with all that "
+        f"is named, where a sound model leaves {1e3 * fit.noise_floor:.1f} mrad: something is the "
+        "matter that has no name here; what else differs from the robot file?",
     )

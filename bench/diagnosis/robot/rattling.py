@@ -26,7 +26,7 @@ from .gains import NEEDED, RobotGain
 from .model import RATTLING, Progress, RobotModel, is_play
 from .screen import Screened
 from .search import RobotSearch
-from .settling import LITTLE
+from .settling import LITTLE, far_off, leaves_most
 from .shaking import by_kind
 from .sought import Sought
 from .steps import BESIDE, HELD_OUT
@@ -182,6 +182,21 @@ def worsened(causes: Iterable[Cause], fit: FitSummary, shaker: Shaker | None = N
     shaken = None if shaker is None else shaker.cause
     others = any(cause.effect not in RATTLING and cause is not shaken for cause in causes)
     return others and is_worse(fit.before, fit.after, fit.noise_floor)
+
+
+def still_far(
+    causes: Iterable[Cause], fit: FitSummary, shaker: Shaker | None = None, *, bare: bool
+) -> bool:
+    """Whether samples say that more is the matter than what is named.
+
+    Without a name for the gait (``bare``) where they are far off, with names where these leave most
+    of that. With play, or with what shaking has named, they say nothing.
+    """
+    if bare:
+        return far_off(fit.after, fit.noise_floor)
+    if shaker is not None or any(cause.effect in RATTLING for cause in causes):
+        return False
+    return leaves_most(fit.before**2, fit.after**2, fit.noise_floor)
 
 
 def told(

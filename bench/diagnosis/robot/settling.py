@@ -42,9 +42,6 @@ LITTLE = 0.1  #: share of the misfit above the floor that a name must take away 
 #: the same of all names together, of samples, where those are far off with them: of 60 opened
 #: answers six of seven that took less were wrong, and all that are wholly right took 0.56 and more
 PART = 0.5
-#: share by which the mean square of samples may be more with a name that tolerances had stood in
-#: for; assumed
-SPOILT = 0.1
 FALLEN = 30.0  #: floors of misfit beyond which a robot stands or lies otherwise; assumed
 #: probability by likelihoods below which names are not said: of three that were, one is true
 UNLIKELY = 0.25
@@ -59,6 +56,12 @@ UNSURE = "too unlikely beside what follows the recordings as well, or what no ca
 def far_off(rms_rad: float, floor_rad: float) -> bool:
     """Whether walked samples are farther off than those of a sound model may be."""
     return rms_rad > SAMPLES * floor_rad
+
+
+def leaves_most(before: float, left: float, floor_rad: float) -> bool:
+    """Whether samples are far off, by more than half of what they were (mean squares, rad^2)."""
+    off = before - floor_rad**2
+    return far_off(left**0.5, floor_rad) and before - left < PART * off
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,8 +298,7 @@ class RobotJudges(Denials):
         None where what is left is not far over noise, or little decides how a robot lies.
         ``without`` has the fit without each.
         """
-        far, off = far_off(left**0.5, self.sound_rad), before - self.sound_rad**2
-        if not far or before - left >= PART * off or self.fallen(now):
+        if not leaves_most(before, left, self.sound_rad) or self.fallen(now):
             return []
         return [name for name, fit in without.items() if not self.restores(fit, now)]
 
@@ -351,12 +353,12 @@ class RobotJudges(Denials):
     def _spare(self, without: RobotFit, now: RobotFit, seen: Squares, least: float) -> float:
         """How much more than it must a name takes off the square that judges see [rad^2].
 
-        It must take off ``least``, and make samples (``seen`` with it) no worse. Where without it
+        It must take off ``least``, and make samples (``seen`` with it) better. Where without it
         tolerances stand in for something, and with it none do, those had foretold recordings that
-        judge as well: it may be worse there by that much, and samples a little. So where without it
-        voltages deny the model, and it takes away most of that. But not beside another name: that
-        may be what they stand in for. Where loads deny the model without it, and with it no more
-        than noise is left of anything, it takes off enough.
+        judge as well: it may be worse there by that much. So where without it registers deny the
+        model, and it takes away most of that: samples may be worse, too. But not beside another
+        name: that may be what they stand in for. Where loads deny the model without it, and with it
+        no more than noise is left of anything, it takes off enough.
         """
         if self.duties_denied(without) and self.quiet(now):
             return np.inf
@@ -364,7 +366,7 @@ class RobotJudges(Denials):
         frees = restores or (bool(self.strained(without)) and not self.strained(now))
         if frees and len(now.names) > 1:
             frees = self.outside(now, FIRM) < self.outside(without, FIRM)
-        worse = (WORSE if restores else 1.0 + SPOILT) if frees else 1.0
+        worse = WORSE if frees and restores else 1.0
         if seen.steady >= worse * self.samples(without).steady:
             return -np.inf
         off = self.square(without, self.judges) - self.square(now, self.judges)

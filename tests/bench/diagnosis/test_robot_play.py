@@ -11,7 +11,9 @@ from bench.diagnosis.report.telling import channel_finding
 from bench.diagnosis.result import FitSummary
 from bench.diagnosis.robot.channels import noise_of
 from bench.diagnosis.robot.fit import RobotFit
-from bench.diagnosis.robot.rattling import Shaker, worsened
+from bench.diagnosis.robot.limits import far_samples
+from bench.diagnosis.robot.rattling import Shaker, still_far, worsened
+from bench.diagnosis.robot.settling import PART, SAMPLES
 
 BASE = RobotFit((), np.zeros(1), {}, 10.0)
 LOOSE = RobotFit(("backlash@all",), np.array([0.0, 5.0]), {}, 10.0)
@@ -58,3 +60,34 @@ def test_samples_that_are_farther_off_do_not_speak_against_play_alone(effects, m
     before = 3.0 * tolerance(floor)
     causes = [SimpleNamespace(effect=effect) for effect in effects]
     assert worsened(causes, FitSummary(before, more * before, floor, True, ("walk",))) is speaks
+
+
+@pytest.mark.parametrize(
+    ("effects", "took", "speaks"),
+    [
+        (("gain_error",), 0.9 * PART, True),
+        (("gain_error",), 1.1 * PART, False),
+        (("gain_error", "backlash"), 0.9 * PART, False),
+        ((), 0.0, True),
+    ],
+)
+def test_samples_of_which_names_leave_most_say_that_more_is_the_matter(effects, took, speaks):
+    floor, before = 1.0, 3.0 * SAMPLES
+    causes = [SimpleNamespace(effect=effect) for effect in effects]
+    after = (before**2 - took * (before**2 - floor**2)) ** 0.5
+    fit = FitSummary(before, after, floor, True, ("walk",))
+    assert still_far(causes, fit, bare=not effects) is speaks
+    assert not still_far(causes, fit, PLAY, bare=False)
+
+
+@pytest.mark.parametrize("effects", [(), ("gain_error",)])
+def test_samples_that_are_near_say_nothing(effects):
+    causes = [SimpleNamespace(effect=effect) for effect in effects]
+    near = FitSummary(0.95 * SAMPLES, 0.95 * SAMPLES, 1.0, True, ("walk",))
+    assert not still_far(causes, near, bare=not effects)
+
+
+def test_it_is_told_how_far_samples_are_off_with_all_that_is_named():
+    (line,) = far_samples(FitSummary(9e-3, 6.24e-3, 1.8e-3, True, ("walk",)))
+    assert "6.2 mrad" in line
+    assert "1.8 mrad" in line

@@ -34,7 +34,6 @@ from bench.diagnosis.robot.settling import (
     NO_PART,
     ORDINARY,
     SAMPLES,
-    SPOILT,
     STANDING,
     UNLIKELY,
     UNSURE,
@@ -603,11 +602,12 @@ def test_a_name_that_tolerances_had_stood_in_for_need_not_be_better_where_they_f
     before = 5.0
     least = LITTLE * (before - 1.0)
     slightly, more = {("a",): before + 0.9 * least}, {("a",): before + 1.1 * least}
-    assert kept({(): before} | slightly, stand_in=[()]) == ("a",)
-    assert kept({(): before} | slightly) == ()
-    assert kept({(): before} | more, {(): 9.0, ("a",): 9.0}, stand_in=[()]) == ()
-    assert kept({(): before} | slightly, stand_in=[(), ("a",)]) == ()
-    for samples, names in ((1.0 + 0.9 * SPOILT, ("a",)), (1.0 + 1.1 * SPOILT, ())):
+    better = {(): 1.0, ("a",): 0.999}
+    assert kept({(): before} | slightly, better, stand_in=[()]) == ("a",)
+    assert kept({(): before} | slightly, better) == ()
+    assert kept({(): before} | more, better, stand_in=[()]) == ()
+    assert kept({(): before} | slightly, better, stand_in=[(), ("a",)]) == ()
+    for samples, names in ((0.999, ("a",)), (1.001, ())):
         worse = {(): 1.0, ("a",): samples}
         assert kept({(): before} | slightly, worse, stand_in=[()]) == names
 
@@ -654,7 +654,8 @@ def test_beside_another_a_name_that_tolerances_stood_in_for_must_gain_where_it_i
 ):
     squares = {(): 9.0, ("a",): 2.0, ("b",): 9.0, ("a", "b"): 2.1}
     costs = dict.fromkeys(squares, 100.0) | {("a", "b"): 100.0 + outside}
-    assert kept(squares, stand_in=[("a",)], costs=costs) == names
+    samples = squares | {("a", "b"): 1.999}
+    assert kept(squares, samples, stand_in=[("a",)], costs=costs) == names
 
 
 def test_names_that_make_whole_recordings_much_worse_go_until_they_do_not():
