@@ -47,6 +47,7 @@ BEST = 4  #: of them that are fitted to the end: begun is not half of it where t
 #: nats behind the best try of a step within which others are gone on with: rivals are nearer than
 #: 20 and four times an inflation of up to 5, and the best few are fitted to the end. Assumed
 RIVALS = 60.0
+LESS = 0.6  #: of what is taken, from which what stands beside it begins as well; assumed
 TRIED = (0.3, 1.0, 3.0, 8.0)  #: in first tries, where fits start
 BEHIND = "not fitted to the end: others were ahead"
 
@@ -115,8 +116,8 @@ class Steps(ExactFits):
         """What promises most, and what stands for a tolerance at its end (``named``); best first.
 
         Fits begin as believed but for what is taken, and with what nuisances do there: promises are
-        wrong by more than what they are of. What is promised twice is begun twice. What falls far
-        behind another one is not gone on with.
+        wrong by more than what they are of. What is promised twice is begun twice, and so is what
+        stands beside another, which may have its part. What falls far behind is not gone on with.
         """
         beyond = self._beyond(now)
         most = self._most(promised)
@@ -124,11 +125,13 @@ class Steps(ExactFits):
         for gain in promised:
             if gain.name in named or gain in most:
                 self._say(f"trying {gain.name}")
-                knobs = np.append(now.knobs, beyond.get(gain.name, gain.fit.knobs[-1]))
-                with self.model.following():
-                    best = min((one.fit.cost for one in tried), default=math.inf)
-                    fit = self.begun(gain.fit.names, knobs, now.noise, most=best + RIVALS)
-                tried.append(replace(gain, fit=fit))
+                last = beyond.get(gain.name, gain.fit.knobs[-1])
+                for share in (1.0, LESS) if now.names else (1.0,):
+                    knobs = np.append(share * now.knobs, last)
+                    with self.model.following():
+                        best = min((one.fit.cost for one in tried), default=math.inf)
+                        fit = self.begun(gain.fit.names, knobs, now.noise, most=best + RIVALS)
+                    tried.append(replace(gain, fit=fit))
         better = {gain.name: gain for gain in sorted(tried, key=lambda gain: -gain.fit.cost)}
         return sorted(better.values(), key=lambda gain: gain.fit.cost)
 

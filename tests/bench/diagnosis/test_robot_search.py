@@ -31,6 +31,7 @@ from bench.diagnosis.robot.steps import (
     BEST,
     HELD_OUT,
     HINTED,
+    LESS,
     PROMISED,
     RIVALS,
     SOUND_RAD,
@@ -268,6 +269,22 @@ def test_what_stands_for_a_tolerance_begins_beyond_its_end():
     search.begun = lambda names, knobs, *_, most: tried.append((names[-1], *knobs)) or some[0].fit
     search._tried(fit("", 0.0), some, {some[1].name})
     assert tried == [(some[0].name, 0.0), (some[1].name, 5.0)]
+
+
+def test_beside_another_a_name_begins_as_well_where_that_has_not_taken_its_part():
+    search, some = Exact({}), gains(30.0)
+    search.far = {some[0].name: 5.0}
+    begun, better = [], replace(some[0].fit, cost=-50.0)
+
+    def begins(names, knobs, *_, most):
+        begun.append(tuple(knobs))
+        return better if knobs[0] == 2.0 * LESS else some[0].fit
+
+    search.begun = begins
+    now = RobotFit(("first@all",), np.array([2.0]), {}, 0.0)
+    (tried,) = search._tried(now, some, set())
+    assert begun == [(2.0, 5.0), (2.0 * LESS, 5.0)]
+    assert tried.fit is better
 
 
 def test_what_falls_far_behind_the_best_that_was_tried_is_not_gone_on_with():
