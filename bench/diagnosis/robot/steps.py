@@ -117,16 +117,18 @@ class Steps(ExactFits):
 
         Fits begin as believed but for what is taken, and with what nuisances do there: promises are
         wrong by more than what they are of. What is promised twice is begun twice, and so is what
-        stands beside another, which may have its part. What falls far behind is not gone on with.
+        stands beside another that is not held, which may have its part. What falls far behind is
+        not gone on with.
         """
         beyond = self._beyond(now)
         most = self._most(promised)
         tried: list[RobotGain] = []
+        shares = (1.0, LESS) if set(now.names) - set(self.sight.held) else (1.0,)
         for gain in promised:
             if gain.name in named or gain in most:
                 self._say(f"trying {gain.name}")
                 last = beyond.get(gain.name, gain.fit.knobs[-1])
-                for share in (1.0, LESS) if now.names else (1.0,):
+                for share in shares:
                     knobs = np.append(share * now.knobs, last)
                     with self.model.following():
                         best = min((one.fit.cost for one in tried), default=math.inf)

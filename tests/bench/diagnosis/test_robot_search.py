@@ -120,6 +120,7 @@ class Exact(RobotSearch):
         self.which, self.squares, self.said = [0], squares, []
         self.found_there, self.promised, self.last = found_there, {}, None
         self.far = {}  #: knobs of what stands for a tolerance at its end
+        self.sight = SimpleNamespace(held={})
 
     def _say(self, stage):
         self.said.append(stage.split()[1])
@@ -285,6 +286,10 @@ def test_beside_another_a_name_begins_as_well_where_that_has_not_taken_its_part(
     (tried,) = search._tried(now, some, set())
     assert begun == [(2.0, 5.0), (2.0 * LESS, 5.0)]
     assert tried.fit is better
+    begun.clear()
+    search.sight.held["first@all"] = 2.0  # as play is that shaking has named
+    search._tried(now, some, set())
+    assert begun == [(2.0, 5.0)]
 
 
 def test_what_falls_far_behind_the_best_that_was_tried_is_not_gone_on_with():
