@@ -5,28 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..watch import OutOfTimeError
 from .effects import SINGLE
 from .fit import RobotFit
-from .gains import NEEDED, RobotFindings, RobotGain
+from .gains import NEEDED, RobotGain
 from .model import RATTLING, Progress, is_play
 from .rattling import Rattling, Shaker, is_spring
 from .rising import Riser, Rising
 from .search import RobotSearch
-from .settling import UNSURE, RobotJudges
-
-
-class Named(NamedTuple):
-    """What a search found, the names that hold, the fit with them, and those taken back."""
-
-    found: RobotFindings
-    taken: list[RobotGain]
-    after: RobotFit
-    rejected: list[Mapping[str, Any]]
+from .settling import UNSURE, Named, RobotJudges
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,14 +181,15 @@ class Naming:
             return not without >= RATTLING and self._riser(fit, without) is not None
 
         found = self.search.run(without=without, base=base, done=done, far=far)
-        taken, after, rejected = self.held.kept(found, self.tell, risen)
-        alike = any(row["because"] == UNSURE for row in rejected)
-        if not again or not found.taken or found.taken[0] in taken or alike:
-            return Named(found, taken, after, rejected)
-        without |= {self.search.model.placed[found.taken[0].name].effect.name}
+        named = self.held.kept(found, self.tell, risen)
+        alike = any(row["because"] == UNSURE for row in named.rejected)
+        first = named.found.taken[:1]
+        if not again or not first or first[0] in named.taken or alike:
+            return named
+        without |= {self.search.model.placed[first[0].name].effect.name}
         try:
             found = self.search.run(without=without, base=base, done=done, far=far)
         except OutOfTimeError:
-            return Named(found, taken, after, rejected)
-        taken, after, more = self.held.kept(found, self.tell, risen)
-        return Named(found, taken, after, [*rejected, *more])
+            return named
+        second = self.held.kept(found, self.tell, risen)
+        return second._replace(rejected=[*named.rejected, *second.rejected])

@@ -23,10 +23,10 @@ from .causes import cause_of
 from .features import RobotKind
 from .fit import RobotFit
 from .gains import NEEDED, RobotGain
+from .judges import LITTLE, far_off, leaves_most
 from .model import RATTLING, Progress, RobotModel, is_play
 from .screen import Screened
 from .search import RobotSearch
-from .settling import LITTLE, far_off, leaves_most
 from .shaking import by_kind
 from .sought import Sought
 from .steps import BESIDE, HELD_OUT

@@ -317,9 +317,14 @@ class RobotSearch(Steps):
     def _standing(
         self, base: RobotFit, now: RobotFit, taken: list[RobotGain]
     ) -> tuple[RobotFit, list[RobotGain]]:
-        """Effects that together make no whole recording much worse; the last go first."""
+        """Effects that together make no whole recording much worse; the last go first.
+
+        What is left goes on as it was before the last, if that is deeper than where it leads.
+        """
         begun = self._whole_square(base) if taken else 0.0
         while taken and much_worse(self._whole_square(now), begun):
             *taken, last = taken
-            now = self.settle(self.sight.without(now, last.name)) if taken else base
+            bare = self.settle(self.sight.without(now, last.name)) if taken else base
+            known = [gain.fit for gain in taken if gain.fit.names == bare.names]
+            now = min([bare, *known], key=lambda fit: fit.cost)
         return now, taken

@@ -75,7 +75,8 @@ class Steps(ExactFits):
     ) -> tuple[RobotGain | None, RobotFit, tuple[RobotGain, ...]]:
         """The gain that holds best, if one does; what it gains over; all that was tried.
 
-        What it gains over is fitted again from where the best of them has led. The best is first.
+        The others are fitted again from where the best of them has led, and so is what it gains
+        over. The best is first.
         """
         tried = self._tried(now, promised, named)
         self.around(now)  # what is left out is asked where it is known what all does
@@ -88,6 +89,9 @@ class Steps(ExactFits):
             far = self._with(chosen, now, self._from_far(chosen.fit), plain)
             if far.nats > chosen.nats + ENOUGH and self._best([chosen, far], now, begun) is far:
                 few[few.index(chosen)] = chosen = far
+            at = chosen
+            few = [one if one is at else self._from_there(one, at, now, plain) for one in few]
+            chosen = self._best(few, now, begun)
         asked: set[str] = set()
         while chosen is not None and chosen.name not in asked:
             asked.add(chosen.name)
@@ -149,6 +153,16 @@ class Steps(ExactFits):
         with self.model.following():
             fit = self.refined(gain.fit)
         return self.replayed(fit)
+
+    def _from_there(
+        self, gain: RobotGain, best: RobotGain, now: RobotFit, plain: float | None
+    ) -> RobotGain:
+        """A gain as it is, or from where the best of its step has led, if that is deeper."""
+        self._say(f"trying {gain.name} from where {best.name} has led")
+        most = min(gain.fit.cost, best.fit.cost + gain.apart)
+        names, knobs = gain.fit.names, gain.fit.knobs
+        fit = self.thoroughly(names, knobs, now.noise, best.fit.nuisances, most)
+        return self._with(gain, now, fit, plain) if fit.cost < most else gain
 
     def _beyond(self, now: RobotFit) -> dict[str, float]:
         """Knobs of effects that stand for tolerances at their ends, twice as far as those go.

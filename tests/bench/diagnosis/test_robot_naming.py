@@ -248,7 +248,7 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
 
     def kept(found, say, risen):
         told.extend([risen(GAINED), risen(GAINED)])
-        return [], GAINED, []
+        return Named(found, [], GAINED, [])
 
     made = naming(rising=rising, kept=kept)
     made.search.run = lambda **_: NOTHING
@@ -286,7 +286,7 @@ def test_what_was_found_is_told_whatever_the_time(cut, again, because):
         say("asking")
         (gain,) = found.taken
         taken = [gain] if gain.name == "punch@all" else []
-        return taken, found, [] if taken else [row]
+        return Named(found, taken, found, [] if taken else [row])
 
     row = {"effect": "dead_zone@all", "because": because}
     made = naming(tell=told.append, kept=kept)
@@ -347,7 +347,9 @@ def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands):
         return NOTHING
 
     made = naming(
-        consistent=lambda _: False, kept=lambda found, say, risen: ([], "fit", ()), stands=stands
+        consistent=lambda _: False,
+        kept=lambda found, say, risen: Named(found, [], "fit", []),
+        stands=stands,
     )
     made.search.run = lambda without, base, done, far: found(without)
     made.named(AS_BELIEVED, frozenset({"punch"}), True)

@@ -11,9 +11,9 @@ from bench.diagnosis.report.telling import channel_finding
 from bench.diagnosis.result import FitSummary
 from bench.diagnosis.robot.channels import noise_of
 from bench.diagnosis.robot.fit import RobotFit
+from bench.diagnosis.robot.judges import PART, SAMPLES
 from bench.diagnosis.robot.limits import far_samples
 from bench.diagnosis.robot.rattling import Shaker, still_far, worsened
-from bench.diagnosis.robot.settling import PART, SAMPLES
 
 BASE = RobotFit((), np.zeros(1), {}, 10.0)
 LOOSE = RobotFit(("backlash@all",), np.array([0.0, 5.0]), {}, 10.0)

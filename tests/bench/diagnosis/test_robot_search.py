@@ -233,6 +233,20 @@ def test_in_the_end_what_makes_a_whole_recording_worse_goes(whole, left):
     assert (now is base) is (taken == []) is (left == 1)
 
 
+@pytest.mark.parametrize(("nats", "deeper"), [(31.0, True), (29.0, False)])
+def test_what_is_left_without_the_last_goes_on_as_it_was_before_that(nats, deeper):
+    """Where the last has led the others astray, no small step leads back."""
+    one, astray = fit("effect0@all", nats), fit("effect0@all", 30.0)
+    search = Exact({("effect0@all", "effect1@all"): 1.1 * WORSE})
+    search.sight = SimpleNamespace(without=lambda found, name: astray)
+    search.settle = lambda found: found
+    both = RobotFit(("effect0@all", "effect1@all"), np.zeros(2), {}, -50.0)
+    taken = [replace(gain, fit=at) for gain, at in zip(gains(30.0, 20.0), (one, both), strict=True)]
+    now, left = search._standing(fit("", 0.0), both, taken)
+    assert now is (one if deeper else astray)
+    assert left == taken[:1]
+
+
 def test_what_promises_most_and_what_stands_for_a_tolerance_is_tried():
     every = (*range(PROMISED + 2), 0.5 * HINTED)
     some = gains(*(1.1 * HINTED - 0.01 * k for k in every[:-1]), every[-1])
@@ -311,6 +325,36 @@ def test_the_next_best_is_fitted_to_the_end_if_it_is_not_far_behind(behind, fitt
     assert len([names for names in asked if names]) == fitted
     assert tried[1].nats == pytest.approx(some[1].nats)
     assert (tried[1].because == BEHIND) is (fitted == 1)
+
+
+@pytest.mark.parametrize(
+    ("there", "first", "nats"),
+    [
+        (70.0, "effect1@all", 70.0),  # it is ahead, begun where the best has led
+        (50.0, "effect0@all", 50.0),  # it is nearer
+        (35.0, "effect0@all", 45.0),  # it was deeper before
+    ],
+)
+def test_what_is_behind_begins_once_more_from_where_the_best_has_led(there, first, nats):
+    search, begun, some = Exact({}), [], gains(60.0, 45.0)
+    plain = search.begun
+
+    def begins(names, knobs, noise=None, nuisances=None, most=np.inf):
+        if nuisances is None or not names:
+            led = plain(names, knobs, noise, nuisances, most)
+            return (
+                replace(led, z=np.append(0.1 if names == some[0].fit.names else 0.2, led.z))
+                if names
+                else led
+            )
+        begun.append((tuple(names), tuple(nuisances), most))
+        return RobotFit(tuple(names), np.asarray(knobs), noise, -there)
+
+    search.begun = begins
+    taken, _, found = chosen(search, some)
+    assert begun == [(some[1].fit.names, (0.1,), -45.0)]
+    assert taken.name == first
+    assert {gain.name: gain.nats for gain in found} == {"effect0@all": 60.0, "effect1@all": nats}
 
 
 @pytest.mark.parametrize(("behind", "asked"), [(0.9, True), (1.1, False)])

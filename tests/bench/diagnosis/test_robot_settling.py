@@ -17,28 +17,30 @@ from bench.diagnosis.robot.effects import placed_effects
 from bench.diagnosis.robot.features import RobotKind
 from bench.diagnosis.robot.fit import FIRM, RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotFindings, RobotGain
+from bench.diagnosis.robot.judges import (
+    ENDS,
+    FALLEN,
+    FAR,
+    FITTED,
+    JUDGED,
+    LITTLE,
+    SAMPLES,
+    STANDING,
+    Squares,
+)
 from bench.diagnosis.robot.limits import other_volts
 from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
 from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
-    ENDS,
     FAINT,
-    FALLEN,
-    FAR,
     FARTHER,
-    FITTED,
-    JUDGED,
-    LITTLE,
     NO_BETTER,
     NO_PART,
     ORDINARY,
-    SAMPLES,
-    STANDING,
     UNLIKELY,
     UNSURE,
     RobotJudges,
-    Squares,
 )
 from bench.diagnosis.robot.steps import BESIDE, LEFT_OUT, WORSE
 from busemu.tables import load_robot
@@ -410,10 +412,9 @@ def kept(
     Given.costs, Given.denied, Given.low = costs or {}, denied or {}, low or {}
     one = {"deflated": 20.0, "held_out": own.left_out, "counting": lambda _: own.counts}
     gains = [SimpleNamespace(name=n, **one) for n in names]
-    found = SimpleNamespace(
-        base=SimpleNamespace(names=base), fit=SimpleNamespace(names=names), taken=gains
-    )
-    taken, now, rejected = own.kept(found, lambda _: None, lambda fit: fit.names in risen)
+    base = SimpleNamespace(names=base)
+    found = SimpleNamespace(base=base, fit=SimpleNamespace(names=names), taken=gains, tried=())
+    _, taken, now, rejected = own.kept(found, lambda _: None, lambda fit: fit.names in risen)
     assert now.names == tuple(gain.name for gain in taken)
     assert all(row["because"] == because for row in rejected)
     return now.names
@@ -721,8 +722,8 @@ def steep(at, squares, high=9.0):
     Given.phases[()] = 5.0
     base, now = (RobotFit(n, np.array(z), {}, 0.0) for n, z in (((), []), (("a",), [at])))
     gain = SimpleNamespace(name="a", deflated=20.0, held_out=None)
-    found = SimpleNamespace(base=base, fit=now, taken=[gain])
-    taken, now, _ = own.kept(found, lambda _: None)
+    found = SimpleNamespace(base=base, fit=now, taken=[gain], tried=())
+    _, taken, now, _ = own.kept(found, lambda _: None)
     return [gain.name for gain in taken], now.z.tolist()
 
 
@@ -769,8 +770,8 @@ def test_next_to_falling_every_name_is_asked_for_at_sizes_a_little_aside(monkeyp
     own = Leaning(search, None, FITS, JUDGES, held_out=True)
     now = RobotFit(("a", "b"), np.ones(2), {}, 0.0)
     gains = [SimpleNamespace(name=n, deflated=20.0, held_out=None) for n in "ab"]
-    found = SimpleNamespace(base=RobotFit((), np.zeros(0), {}, 0.0), fit=now, taken=gains)
-    kept, after, _ = own.kept(found, lambda _: None)
+    found = SimpleNamespace(base=RobotFit((), np.zeros(0), {}, 0.0), fit=now, taken=gains, tried=())
+    _, kept, after, _ = own.kept(found, lambda _: None)
     assert [gain.name for gain in kept] == taken
     if taken == ["a", "b"]:
         assert after.z == pytest.approx([1.0, cliff])
