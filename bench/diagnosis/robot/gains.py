@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -79,13 +80,14 @@ class RobotFindings:
         return frozenset(g.name for g in ended) - {g.name for g in ended if g.nats > 0.0}
 
 
-def levelled(gains: Sequence[RobotGain]) -> list[RobotGain]:
+def levelled(gains: Sequence[RobotGain], most: float = math.inf) -> list[RobotGain]:
     """Gains of one step divided by one inflation, the mean of those that gain (or of all).
 
-    The best first.
+    The best first. It is no more than ``most``: of few it is chance.
 
     What is compared is how far each follows the same recordings.
     """
     useful = [g.inflation for g in gains if g.nats > 0.0] or [g.inflation for g in gains]
     common = float(np.exp(np.mean(np.log(useful)))) if useful else 1.0
+    common = min(common, most)
     return sorted((replace(g, inflation=common) for g in gains), key=lambda g: -g.deflated)

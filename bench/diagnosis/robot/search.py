@@ -306,7 +306,7 @@ class RobotSearch(Steps):
             losses = []
             for gain in taken:
                 without = self.sight.without(now, gain.name)
-                wide = self.sight.inflation(now, gain.name)
+                wide = min(self.sight.inflation(now, gain.name), gain.inflation)
                 losses.append(((without.cost - now.cost) / wide, gain, without))
             loss, gain, without = min(losses, key=lambda entry: entry[0])
             if loss >= NEEDED:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -42,13 +43,15 @@ class Sought:
     These are springs and limits, much of them, and whatever gained in place of what was taken, from
     where it had come to: it may be beside that, too. Curves of limits say little, as they are those
     of a robot as believed in all else: of one of 0.4 duty in another engine they promised nothing,
-    and a fit that began there gained 700 nats. ``pairs`` are tried at the first step.
+    and a fit that began there gained 700 nats. ``pairs`` are tried at the first step, by whose
+    inflation (``widest``, once it is over) all gains are divided at most: later ones have few.
     """
 
     sight: Sight
     at: Mapping[str, float]
     pairs: tuple[Pair, ...] = ()
     gained: frozenset[str] = frozenset()  #: of those, what had gained in place of what was taken
+    widest: float = math.inf
 
     @classmethod
     def much(cls, sight: Sight, names: Collection[str]) -> Sought:
@@ -77,7 +80,7 @@ class Sought:
         for name in sorted(self.at.keys() - here - enough):
             fit = replace(now, names=(*now.names, name), z=np.append(now.z, self.at[name]))
             found.append(RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None))
-        return levelled(found)
+        return levelled(found, self.widest)
 
     def asked(self, promised: Sequence[RobotGain]) -> set[str]:
         """What is tried however much others promise: all that is sought, and limits of promise."""
@@ -91,7 +94,9 @@ class Sought:
         enough = [g for g in fitted if g.name not in SPRINGS and g.deflated >= NEEDED]
         found |= {gain.name: float(gain.fit.knobs[-1]) for gain in enough}
         gained = (self.gained - hopeless).union(gain.name for gain in enough)
-        return replace(self, at=found, gained=gained)
+        first = fitted[0].inflation if fitted else math.inf
+        widest = first if math.isinf(self.widest) else self.widest
+        return replace(self, at=found, gained=gained, widest=widest)
 
     def rivals(self, now: RobotFit) -> Sought:
         """Nothing but what had gained in place of what a fit has, and may be beside that."""

@@ -186,6 +186,8 @@ def test_gains_of_a_step_are_divided_by_one_inflation():
     assert [g.inflation for g in ordered] == [pytest.approx(2.0)] * 2
     none_gains = [replace(one, nats=-one.nats) for one in some]
     assert [g.inflation for g in levelled(none_gains)] == [pytest.approx(2.0)] * 2
+    assert [g.inflation for g in levelled(some, 1.5)] == [1.5] * 2
+    assert [g.inflation for g in levelled(some, 2.5)] == [pytest.approx(2.0)] * 2
 
 
 def test_the_menu_is_the_recorded_walk_heavier_held_watched_and_with_registers_read():

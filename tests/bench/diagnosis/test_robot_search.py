@@ -233,6 +233,33 @@ def test_in_the_end_what_makes_a_whole_recording_worse_goes(whole, left):
     assert (now is base) is (taken == []) is (left == 1)
 
 
+@pytest.mark.parametrize(
+    ("lost", "own", "kept"),
+    [
+        (1.1 * NEEDED, 1.0, 2),
+        (0.9 * NEEDED, 1.0, 1),
+        (3.3 * NEEDED, 3.0, 2),
+        (2.7 * NEEDED, 3.0, 1),
+        (5.5 * NEEDED, 30.0, 2),  # divided by no more than its gain was
+        (4.5 * NEEDED, 30.0, 1),
+    ],
+)
+def test_those_are_dropped_again_without_which_the_rest_does_as_well(lost, own, kept):
+    search = Exact({})
+    both = RobotFit(("effect0@all", "effect1@all"), np.zeros(2), {}, -500.0)
+    left = {
+        "effect0@all": fit("effect1@all", 0.0),
+        "effect1@all": fit("effect0@all", 500.0 - lost),
+    }
+    search.sight = SimpleNamespace(
+        without=lambda now, name: left[name], inflation=lambda now, name: own
+    )
+    taken = [replace(gain, inflation=5.0) for gain in gains(400.0, 100.0)]
+    now, rest = search._prune(both, taken)
+    assert rest == taken[:kept]
+    assert now is (both if kept == 2 else left["effect1@all"])
+
+
 @pytest.mark.parametrize(("nats", "deeper"), [(31.0, True), (29.0, False)])
 def test_what_is_left_without_the_last_goes_on_as_it_was_before_that(nats, deeper):
     """Where the last has led the others astray, no small step leads back."""
