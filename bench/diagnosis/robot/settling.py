@@ -38,7 +38,7 @@ class Named(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotJudges(Judges):
-    """Names that recordings which judge hold against what else there is."""
+    """What recordings that judge make of the names that a search found."""
 
     def kept(
         self,

@@ -7,8 +7,8 @@ apart by. What loads show by themselves asks no group: along the recorded angles
 another one plays a part. Then exactly that robot is replayed.
 
 Every hypothesis begins as believed but for its effects: where tolerances have paid for what is the
-matter, no small step leads back from. And what it is held against is fitted again from where the
-best of them has led, as what begins elsewhere may end deeper by itself.
+matter, no small step leads back from. Its rivals are fitted again from where the best of them has
+led, and so is what it is held against, as what begins elsewhere may end deeper by itself.
 """
 
 from __future__ import annotations
