@@ -183,10 +183,9 @@ class Naming:
         found = self.search.run(without=without, base=base, done=done, far=far)
         named = self.held.kept(found, self.tell, risen)
         alike = any(row["because"] == UNSURE for row in named.rejected)
-        first = named.found.taken[:1]
-        if not again or not first or first[0] in named.taken or alike:
+        if not again or not found.taken or found.taken[0] in named.taken or alike:
             return named
-        without |= {self.search.model.placed[first[0].name].effect.name}
+        without |= {self.search.model.placed[found.taken[0].name].effect.name}
         try:
             found = self.search.run(without=without, base=base, done=done, far=far)
         except OutOfTimeError:

@@ -121,13 +121,7 @@ class RobotJudges(Judges):
         }
 
     def _refused(
-        self,
-        found: RobotFindings,
-        now: RobotFit,
-        gain: RobotGain,
-        *,
-        calm: bool,
-        quiet: bool,
+        self, found: RobotFindings, now: RobotFit, gain: RobotGain, *, calm: bool, quiet: bool
     ) -> str:
         """Why a name does not hold whatever recordings say that judge; nothing if it may.
 
