@@ -157,7 +157,7 @@ class Work:
         ordinary = of_nuisances(model.base, model.nuisances, after.nuisances.tolist(), self.told)
         diagnosis = Diagnosis(
             verdict=verdict,
-            mismatch=self._mismatch(found, whole) if verdict != "consistent" else (),
+            mismatch=self._mismatch(whole) if verdict != "consistent" else (),
             causes=tuple(sorted(causes, key=lambda c: -c.held_out_gain_nats)),
             fit=fit,
             unexplained=rest.told() if rest.structured or ends or unlike else (),
@@ -194,27 +194,27 @@ class Work:
         every = {name: (p.effect.name, tuple(p.where)) for name, p in self.model.placed.items()}
         return {name: why[own] for name, own in every.items() if own in why}
 
-    def _mismatch(self, found: RobotFindings, after: RobotFit) -> tuple[dict[str, Any], ...]:
+    def _mismatch(self, after: RobotFit) -> tuple[dict[str, Any], ...]:
         """Where what is named moves the robot; without a name, where more is left than noise.
 
-        Tolerances at their ends move it as well: whatever they stand in for is not as believed. Of
-        when goals act neither end is a finding.
+        Tolerances at their ends move it as well: whatever they stand in for is not as believed, nor
+        is what they take away explained. Where that is no more than noise, it is told where they
+        move it. Of when goals act neither end is a finding.
         """
-        model = self.model
-        if after.names:
-            ends = self.held.at_ends(after)
-            odd = [n in ends and n.name != LATE for n in model.nuisances]
-            ordinary = np.where(odd, 0.0, after.nuisances)
-            rows = []
-            for settings, z in ((after.settings, after.nuisances), ((), ordinary)):
-                model.recentre(settings, z, self.which)
-                rows.append([model.modelled(settings, z, r) for r in self.which])
-            joints = RobotKind.JOINTS
-            apart = [one[joints] - other[joints] for one, other in zip(*rows, strict=True)]
-            return moved(model, dict(zip(self.which, apart, strict=True)))
-        self.held.square(found.base, self.which)
-        blocks = model.residuals(found.base.names, found.base.z, self.which)
-        return mismatch(model, {r: blocks[r, RobotKind.JOINTS].value for r in self.which})
+        model, joints = self.model, RobotKind.JOINTS
+        ends = self.held.at_ends(after)
+        odd = [n in ends and n.name != LATE for n in model.nuisances]
+        ordinary = np.where(odd, 0.0, after.nuisances)
+        rows = []
+        for settings, z in ((after.settings, after.nuisances), ((), ordinary)):
+            model.recentre(settings, z, self.which)
+            rows.append([model.modelled(settings, z, r)[joints] for r in self.which])
+        if not after.names:
+            blocks = model.residuals((), ordinary, self.which)
+            if left := mismatch(model, {r: blocks[r, joints].value for r in self.which}):
+                return left
+        apart = [one - other for one, other in zip(*rows, strict=True)]
+        return moved(model, dict(zip(self.which, apart, strict=True)))
 
     def _causes(
         self, found: RobotFindings, taken: Sequence[RobotGain], after: RobotFit, rest: Rest

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 TOGETHER = 4.0
 SIGNIFICANT = 0.05
 STANDS_OUT = 3.0  #: times the middle leg's, from which a leg's misfit is told on its own
-LEAST = 0.1  #: of the most moved of a kind, from which a joint counts as moved by what is named
+LEAST = 0.1  #: of the most moved of a kind, from which a joint counts as moved with it
 WORTH = 0.02  #: of all that what is named moves, from which a place of it is told
 Key = tuple[str, str]  #: a joint and a phase
 
@@ -51,10 +51,13 @@ class Places:
                     self.ratios[key] = self.ratios.get(key, 0.0) + ratio
                     self.counts[key] = self.counts.get(key, 0.0) + float(share.sum())
 
-    def chance(self, key: Key) -> float:
-        """Of as much from noise and from what two engines differ by, times the places."""
-        count = self.counts[key] / TOGETHER
-        return min(1.0, len(self.sums) * float(chi2.sf(self.ratios[key] / TOGETHER, count)))
+    def chance(self, *keys: Key) -> float:
+        """Of as much from noise and from what two engines differ by, times the places.
+
+        Of several, of as much in all of them together.
+        """
+        count, ratio = (sum(each[k] for k in keys) for each in (self.counts, self.ratios))
+        return min(1.0, len(self.sums) * float(chi2.sf(ratio / TOGETHER, count / TOGETHER)))
 
     def level(self, key: Key) -> float:
         """The mean square of one."""
@@ -71,6 +74,11 @@ class Places:
         ]
         return [keys for keys in found if keys]
 
+    def most(self, keys: Sequence[Key]) -> list[Key]:
+        """Of joints of one kind those that are not far below the one that is farthest off."""
+        most = max((self.level(k) for k in keys), default=0.0)
+        return [k for k in keys if self.level(k) >= LEAST * most]
+
     def row(self, group: Sequence[Key]) -> dict[str, Any]:
         """A group as ``diagnosis.json`` has it."""
         total = sum(self.sums.values()) or 1.0
@@ -79,7 +87,7 @@ class Places:
             "joints": [joint for joint, _ in group],
             "phase": group[0][1],
             "share": sum(self.sums[k] for k in group) / total,
-            "p_value": min(self.chance(k) for k in group),
+            "p_value": min(self.chance(*group), *(self.chance(k) for k in group)),
         }
 
 
@@ -88,7 +96,8 @@ def mismatch(model: RobotModel, left: Mapping[int, Floats]) -> tuple[dict[str, A
 
     ``left`` is what is left of recordings, by their numbers. A place is a joint in stance or swing,
     as the leg is told to;
-    those of one kind stand together, but legs that stand out stand on their own. ``p_value`` is
+    those of one kind stand together, but legs that stand out stand on their own. What is in all
+    joints of a kind may be too little in each, and tells by all of them. ``p_value`` is
     the chance of as much from noise and from two engines, times the number of places looked at.
     """
     stance = {r: model.features[r].stance.astype(np.float64) for r in left}
@@ -98,7 +107,9 @@ def mismatch(model: RobotModel, left: Mapping[int, Floats]) -> tuple[dict[str, A
         telling = [k for k in keys if places.chance(k) < SIGNIFICANT]
         usual = float(np.median([places.level(k) for k in keys]))
         own = [k for k in telling if places.level(k) > STANDS_OUT * usual]
-        groups = [[k] for k in own] + [[k for k in telling if k not in own]]
+        rest = [k for k in keys if k not in own]
+        together = places.most(rest) if rest and places.chance(*rest) < SIGNIFICANT else []
+        groups = [[k] for k in own] + [[k for k in rest if k in telling or k in together]]
         rows += [places.row(group) for group in groups if group]
     return tuple(sorted(rows, key=lambda row: -float(row["share"])))
 
@@ -114,8 +125,7 @@ def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], 
     places = Places(model, by, {r: model.pressed(r) for r in by})
     rows = []
     for keys in places.kinds():
-        most = max(places.level(k) for k in keys)
-        row = places.row([k for k in keys if places.level(k) >= LEAST * most])
+        row = places.row(places.most(keys))
         if row["share"] >= WORTH:
             rows.append(row)
     return tuple(sorted(rows, key=lambda row: -float(row["share"])))

@@ -83,6 +83,31 @@ def test_a_leg_that_stands_out_stands_on_its_own():
     assert (place["joints"], place["phase"]) == (["leg2.tibia"], "swing")
 
 
+def test_what_is_too_little_in_each_joint_of_a_kind_is_told_where_it_is_in_all():
+    femurs = [name for name in JOINTS if name.endswith("femur")]
+    little = 1.5 * NOISE_RAD * STANCE
+    assert told(noise() + little * rows_of(femurs[:1])) == ()
+    (place,) = told(noise() + little * rows_of(femurs))
+    assert (place["joints"], place["phase"]) == (femurs, "stance")
+    assert place["p_value"] < 0.05
+
+
+def test_legs_beside_one_that_stands_out_are_not_told_for_it():
+    femurs = [name for name in JOINTS if name.endswith("femur")]
+    much = 0.02 * (rows_of(femurs[1:2]) & STANCE)
+    (alone,) = told(noise() + much)
+    assert alone["joints"] == ["leg2.femur"]
+    both = told(noise() + much + 2.0 * NOISE_RAD * (rows_of(femurs[::2]) & STANCE))
+    assert [place["joints"] for place in both] == [["leg2.femur"], ["leg1.femur", "leg3.femur"]]
+
+
+def test_a_joint_of_a_kind_that_is_not_off_is_not_told_with_the_others():
+    femurs = [name for name in JOINTS if name.endswith("femur")]
+    quiet = ~rows_of(["leg3.femur"]) | ~STANCE
+    (place,) = told((noise() + 5.0 * NOISE_RAD * (rows_of(femurs) & STANCE)) * quiet)
+    assert place["joints"] == femurs[:2]
+
+
 def test_noise_has_no_place():
     assert [told(noise(seed)) for seed in range(20)] == [()] * 20
 
@@ -167,7 +192,41 @@ def test_tolerances_at_their_ends_move_a_robot_as_names_do(name, ends, phases):
     )
     held = SimpleNamespace(at_ends=lambda fit: [one] if ends else [])
     work = SimpleNamespace(model=Pushed(one), held=held, which=[0])
-    assert {place["phase"] for place in Work._mismatch(work, None, after)} == phases
+    assert {place["phase"] for place in Work._mismatch(work, after)} == phases
+
+
+class Paid(Pushed):
+    """The same, recorded with that much of the gain, one tibia off by more, and little noise."""
+
+    def __init__(self, gain, much, more):
+        super().__init__(gain)
+        self.truth = self.modelled((), np.array([much, 1.0]), 0)[RobotKind.JOINTS]
+        self.truth = self.truth + more * rows_of(["leg2.tibia"]) + 0.1 * noise()
+
+    def residuals(self, names, z, which):
+        off = self.truth - self.modelled((), z, 0)[RobotKind.JOINTS]
+        return {(0, RobotKind.JOINTS): SimpleNamespace(value=off)}
+
+
+COXAE = {name for name in JOINTS if name.endswith("coxa")}
+
+
+@pytest.mark.parametrize(
+    ("much", "more", "at_end", "told"),
+    [
+        (2.0, 0.01, True, {"leg2.tibia", *COXAE}),  # what it takes, too
+        (2.0, 0.01, False, {"leg2.tibia"}),
+        (0.01, 0.0, True, COXAE),  # no more than noise: where it moves them
+        (0.01, 0.0, False, set()),
+    ],
+)
+def test_without_a_name_what_tolerances_at_their_ends_take_is_left(much, more, at_end, told):
+    one = named("gain")
+    after = SimpleNamespace(names=(), settings=(), nuisances=np.array([much, 1.0]))
+    held = SimpleNamespace(at_ends=lambda fit: [one] if at_end else [])
+    work = SimpleNamespace(model=Paid(one, much, more), held=held, which=[0])
+    rows = Work._mismatch(work, after)
+    assert {joint for row in rows for joint in row["joints"]} == told
 
 
 def test_a_rotor_is_of_a_servo_and_not_of_where_it_sits():
