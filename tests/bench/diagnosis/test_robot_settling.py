@@ -448,6 +448,21 @@ def test_names_that_leave_most_of_what_is_far_off_are_no_part_of_it(monkeypatch,
     assert kept(**given, because=NO_PART) == tuple(stays)
 
 
+@pytest.mark.parametrize(
+    ("name", "left", "stays"),
+    [
+        ("backlash@all", 5.7, True),
+        ("backlash@all", 5.9, False),
+        ("joint_compliance@all", 2.0, False),
+    ],
+)
+def test_play_must_take_its_part_of_means_as_samples_rattle(monkeypatch, name, left, stays):
+    """Of eight above the floor 3.2."""
+    monkeypatch.setattr(Given, "sound_rad", 1.0)
+    means, samples = {(): 9.0, (name,): left}, {(): 9.0, (name,): 6.4}
+    assert kept(means, seen=samples, because=NO_PART) == ((name,) if stays else ())
+
+
 def test_of_names_that_are_no_part_of_it_those_stay_that_a_register_asks_for(monkeypatch):
     monkeypatch.setattr(Given, "sound_rad", 1.0)
     squares = {(): 9.0, ("a",): 7.5, ("b",): 8.0, ("a", "b"): 6.5}
