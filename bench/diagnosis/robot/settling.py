@@ -81,7 +81,7 @@ class RobotJudges(Judges):
             worst = min(taken, key=lambda gain: spare[gain.name])
             if spare[worst.name] > 0.0 and (not much_worse(seen.whole, begun.whole) or risen(now)):
                 idle = self._no_part(now, fits, begun.steady, seen.steady)
-                if not idle or self._plays(found.base, now, before - floor):
+                if not idle or self._plays(found.base, now, before):
                     break
                 for gain in [gain for gain in taken if gain.name in idle]:
                     now = self.without(found.base, now, gain.name)
@@ -114,15 +114,16 @@ class RobotJudges(Judges):
             return []
         return [name for name, fit in without.items() if not self.restores(fit, now)]
 
-    def _plays(self, base: RobotFit, now: RobotFit, off: float) -> bool:
+    def _plays(self, base: RobotFit, now: RobotFit, before: float) -> bool:
         """Whether samples rattle with play: as shaking has it, or means, that it takes a part of.
 
-        ``off`` is how far above the floor the square of means was [rad^2].
+        ``before`` is the square of means without any name [rad^2].
         """
         if any(map(is_play, base.names)):
             return True
-        taken = self.square(base, self.judges) - self.square(now, self.judges)
-        return any(map(is_play, now.names)) and taken >= PLAYED * off
+        if not any(map(is_play, now.names)):
+            return False
+        return before - self.square(now, self.judges) >= PLAYED * (before - self.floor_square)
 
     def _taken_back(self, gain: RobotGain, because: str) -> Mapping[str, Any]:
         """A name that does not hold, as ``diagnosis.json`` has it."""
