@@ -23,7 +23,7 @@ def doubted(robot: Robot, nuisances: Sequence[RobotNuisance]) -> tuple[RobotNuis
     """Nuisances as wide as a robot file says, which may then go as far as of one joint."""
     told = dict(_told(Section(robot.path, "", robot.document)))
     return tuple(
-        replace(n, deviation=told[n.name], reach=FARTHEST, least=_least(told[n.name]))
+        replace(n, deviation=told[n.name], reach=FARTHEST, least=_least(told[n.name]), doubt=0.0)
         if n.name in told
         else n
         for n in nuisances

@@ -17,7 +17,7 @@ from .model import RATTLING, Progress, is_play
 from .rattling import Rattling, Shaker, is_spring
 from .rising import Riser, Rising
 from .search import RobotSearch
-from .settling import UNSURE, Named, RobotJudges
+from .settling import LAST, Named, RobotJudges
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +173,8 @@ class Naming:
 
         No more names are looked for where a robot with them is as far from its recordings as one
         that is as believed. Where the first name is taken back there is a second search without it,
-        if there is time, and if it shall search ``again``; not where others are as likely.
+        if there is time, and if it shall search ``again``; not where others are as likely, or would
+        stand in for the same.
         """
         done, far = self.held.consistent, self.held.far
 
@@ -182,8 +183,8 @@ class Naming:
 
         found = self.search.run(without=without, base=base, done=done, far=far)
         named = self.held.kept(found, self.tell, risen)
-        alike = any(row["because"] == UNSURE for row in named.rejected)
-        if not again or not found.taken or found.taken[0] in named.taken or alike:
+        last = any(row["because"] in LAST for row in named.rejected)
+        if not again or not found.taken or found.taken[0] in named.taken or last:
             return named
         without |= {self.search.model.placed[found.taken[0].name].effect.name}
         try:

@@ -58,6 +58,7 @@ class RobotNuisance(Reaching):
     joint whose rows of it count. ``reach`` is how many deviations it may take, either way unless
     ``least`` says how few; beyond that it is a finding, under one of the names of ``same`` (effects
     at places): where one of those is on, the nuisance is idle, as it is where one of ``idle`` is.
+    ``doubt`` is the share by which the number itself may be off and yet be no finding.
     """
 
     name: str
@@ -70,6 +71,7 @@ class RobotNuisance(Reaching):
     same: tuple[str, ...] = ()
     least: float | None = None
     idle: tuple[str, ...] = ()
+    doubt: float = 0.0
 
     @property
     def common(self) -> bool:
@@ -264,7 +266,10 @@ def nuisances(robot: PhysicalRobot, quantum_rad: float) -> tuple[RobotNuisance, 
             if trial.name in aside:
                 deviation = math.hypot(deviation, aside[trial.name])
             same = SAME.get(trial.name, ())
-            one = RobotNuisance(trial.name, unit, deviation, source, trial.name, same=same)
+            doubt = DOUBT.get(trial.name, 0.0)
+            one = RobotNuisance(
+                trial.name, unit, deviation, source, trial.name, same=same, doubt=doubt
+            )
             if trial.name == TIPS:
                 one = replace(one, least=0.0, idle=_of_each_leg(robot, "foot_compliance"))
             elif trial.name == STALL:
@@ -329,6 +334,9 @@ COMMON = {
     TIPS: ("m/N", 2.5e-5, "no foot is rigid, the stiffest rubber tips give 50 um/N; assumed"),
     PUNCH: (SHARE, 1.0, "whether a PID law adds its punch is documented nowhere; assumed"),
 }
+
+#: share by which a number may be off that no data sheet has, and files assume; assumed as well
+DOUBT = {"rotors": 0.2}
 
 #: effects at places that are a nuisance without its prior
 SAME = {

@@ -21,13 +21,19 @@ from .steps import BESIDE, LEFT_OUT, WORSE, much_worse
 UNLIKELY = 0.25
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
+STANDS_IN = "tolerances of its own joints are, together, off more than they are by chance"
 FARTHER = "its number is as far as it may be, and would go farther: it stands for something else"
 #: share of the square of means above the floor that names with play among them must take: play
 #: that is true took 0.48 and 0.71 of it (0.35 and 0.33 of samples), for springs it took 0.27
 PLAYED = 0.4
+ASSUMED = "its number is assumed, and may be no more off than such a number is"
+NO_SIZE = "it may be of no size: its interval holds that at which the model is as without it"
 NO_PART = "all names together leave most of what recordings that were not used to fit are off by"
 NO_BETTER = "recordings that were not used to fit are no better with it"
 UNSURE = "too unlikely beside what follows the recordings as well, or what no catalogue has"
+#: reasons after which no other name is looked for: what follows recordings next to that one would
+#: stand in for the same, or be as likely
+LAST = frozenset({UNSURE, STANDS_IN, ASSUMED})
 
 
 class Named(NamedTuple):
@@ -60,15 +66,7 @@ class RobotJudges(Judges):
         consistent but for registers that do not ask for it, it must gain as much as beside another
         (in six nulls of another engine the best gained 6 nats, deflated).
         """
-        taken, now = list(found.taken), found.fit
-        rejected: list[Mapping[str, Any]] = []
-        quiet = bool(taken) and self.quiet(found.base)
-        calm = bool(taken) and len(self.at_ends(found.base)) <= ENDS and self.placid(found.base)
-        for gain in found.taken:
-            if because := self._refused(found, now, gain, calm=calm, quiet=quiet):
-                now = self.without(found.base, now, gain.name)
-                taken = [other for other in taken if other is not gain]
-                rejected.append(self._taken_back(gain, because))
+        taken, now, rejected = self._firm(found)
         begun = self.samples(found.base) if self.held_out and taken else Squares(0.0, 0.0)
         resized: set[str] = set()
         while taken and self.held_out:
@@ -101,6 +99,28 @@ class RobotJudges(Judges):
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
         return Named(found, taken, now, rejected)
+
+    def _firm(
+        self, found: RobotFindings
+    ) -> tuple[list[RobotGain], RobotFit, list[Mapping[str, Any]]]:
+        """Names not refused by themselves, the fit with them, and those that are.
+
+        While one is, those that are left are asked again without it.
+        """
+        taken, now = list(found.taken), found.fit
+        rejected: list[Mapping[str, Any]] = []
+        quiet = bool(taken) and self.quiet(found.base)
+        calm = bool(taken) and len(self.at_ends(found.base)) <= ENDS and self.placid(found.base)
+        asked: list[RobotGain] = []
+        while left := [gain for gain in taken if gain not in asked]:
+            if because := self._refused(found, now, left[0], calm=calm, quiet=quiet):
+                now = self.without(found.base, now, left[0].name)
+                taken.remove(left[0])
+                rejected.append(self._taken_back(left[0], because))
+                asked = []
+            else:
+                asked.append(left[0])
+        return taken, now, rejected
 
     def _no_part(
         self, now: RobotFit, without: Mapping[str, RobotFit], before: float, left: float
@@ -139,17 +159,24 @@ class RobotJudges(Judges):
     ) -> str:
         """Why a name does not hold whatever recordings say that judge; nothing if it may.
 
-        One that no register asks for must gain as much as beside another where positions are
-        ``calm``, must gain on groups left out, and must be likelier than all else. Where no more
-        than noise is left without any (``quiet``), it must be more than a tolerance has, or gain
-        much and free several of them from their ends: together that is more than they have.
+        It must be of some size, and of more than an assumed number is off by. One that no register
+        asks for must gain as much as beside another where positions are ``calm``, must gain on
+        groups left out, must be likelier than all else, and must leave the tolerances of its own
+        joints what they are by chance. Where no more than noise is left without any (``quiet``), it
+        must be more than a tolerance has, or gain much and free several of them from their ends:
+        together that is more than they have.
         """
         base = found.base
-        if number_of(self.search, now, gain.name).state == "at bound":
+        number = number_of(self.search, now, gain.name)
+        if number.state == "at bound":
             return FARTHER
-        if (weak := self._weak(found, gain, calm)) and not self.restores(
-            self.without(base, now, gain.name), now
-        ):
+        low, high = number.ci95
+        if low <= self.model.placed[gain.name].parameter.off <= high:
+            return NO_SIZE
+        if self.doubtful(gain.name, low, high):
+            return ASSUMED
+        weak = self._weak(found, gain, calm) or (STANDS_IN if self.pulled(now, gain.name) else "")
+        if weak and not self.restores(self.without(base, now, gain.name), now):
             return weak
         if not quiet or not self.ordinary(now, gain.name):
             return ""
@@ -163,6 +190,12 @@ class RobotJudges(Judges):
         if gain.held_out is not None and gain.held_out <= 0.0:
             return LEFT_OUT
         return UNSURE if chance_of(self.model, self.undenied(found), gain) < UNLIKELY else ""
+
+    def doubtful(self, name: str, low: float, high: float) -> bool:
+        """Whether a name of such an interval may be of a number that files only assume."""
+        doubt = max((n.doubt for n in self.model.nuisances if name in n.same), default=0.0)
+        off = self.model.placed[name].parameter.off
+        return doubt > 0.0 and low <= off * (1.0 + doubt) and high >= off * (1.0 - doubt)
 
     def ordinary(self, now: RobotFit, name: str) -> bool:
         """Whether a name may be no more than a tolerance has it, by its interval."""

@@ -60,6 +60,13 @@ def test_a_number_in_doubt_widens_its_own_nuisance_alone(way, name):
     assert {n for n in wide if wide[n] != plain[n]} == {name}
 
 
+def test_of_rotors_a_fifth_is_no_finding_where_a_file_does_not_say_how_sure_it_is():
+    """No data sheet has theirs; who gives a deviation knows more."""
+    told_of = told("drive", "XL-320", "motor_inertia_kg_m2", deviation=0.05)
+    assert {n: one.doubt for n, one in of(MARVIN).items() if one.doubt} == {"rotors": 0.2}
+    assert not any(one.doubt for one in of(told_of).values())
+
+
 def test_a_number_in_great_doubt_stays_one_that_can_be():
     wide = of(told("link", "tibia", "mass_kg", deviation=1.0))["mass tibia"]
     least, most = wide.ends

@@ -11,7 +11,7 @@ from bench.diagnosis.robot.model import RATTLING
 from bench.diagnosis.robot.naming import Answer, Named, Naming
 from bench.diagnosis.robot.rattling import Shaker, is_play, is_spring
 from bench.diagnosis.robot.rising import Riser
-from bench.diagnosis.robot.settling import NO_BETTER, UNSURE
+from bench.diagnosis.robot.settling import ASSUMED, NO_BETTER, NO_SIZE, STANDS_IN, UNSURE
 from bench.diagnosis.watch import OutOfTimeError
 from sim.effects import effect
 
@@ -266,9 +266,12 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
         (False, True, NO_BETTER),
         (True, True, NO_BETTER),
         (False, False, NO_BETTER),
+        (False, True, NO_SIZE),
         (False, True, UNSURE),
+        (False, True, STANDS_IN),
+        (False, True, ASSUMED),
     ],
-    ids=["in time", "cut", "beside play", "one of several"],
+    ids=["in time", "cut", "beside play", "no size", "one of several", "stands in", "assumed"],
 )
 def test_what_was_found_is_told_whatever_the_time(cut, again, because):
     """Only another search is left out: the first one's name was taken back."""
@@ -291,7 +294,7 @@ def test_what_was_found_is_told_whatever_the_time(cut, again, because):
     row = {"effect": "dead_zone@all", "because": because}
     made = naming(tell=told.append, kept=kept)
     made.search.run = run
-    twice = again and not cut and because != UNSURE
+    twice = again and not cut and because in (NO_BETTER, NO_SIZE)
     found, taken, _, rejected = made.searched(AS_BELIEVED, frozenset(), again)
     assert [gain.name for gain in taken] == (["punch@all"] if twice else [])
     assert found.taken[0].name == ("punch@all" if twice else "dead_zone@all")

@@ -33,11 +33,14 @@ from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
 from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
+    ASSUMED,
     FAINT,
     FARTHER,
     NO_BETTER,
     NO_PART,
+    NO_SIZE,
     ORDINARY,
+    STANDS_IN,
     UNLIKELY,
     UNSURE,
     RobotJudges,
@@ -50,6 +53,7 @@ from sim.model import read_model
 FLOOR_RAD, EXTRA_RAD2 = 1e-3, 3e-6
 FITS, JUDGES = (0, 1), (2,)
 SUPPLY_V = 10.0
+OFF = 1.0  #: at which the model is as without an effect
 
 
 #: ten joints of ten bins each
@@ -284,6 +288,31 @@ def test_in_vain_was_what_was_fitted_to_the_end_and_gained_nothing_in_any_step()
     assert RobotFindings(BASE, BASE, (), steps, {}, ()).in_vain == {"tilt"}
 
 
+@pytest.mark.parametrize(
+    ("where", "tolerances", "expected"),
+    [
+        (("leg1",), (2.0, -1.95, 1.95, 9.0, 9.0), True),  # by chance one time in a hundred
+        (("leg1.femur",), (2.0, -1.95, 1.95, 0.0, 0.0), True),
+        (("leg1", "leg2"), (2.0, -1.95, 1.95, 0.0, 0.0), False),
+        (("leg1",), (1.9, -1.9, 1.9, 9.0, 9.0), False),
+        (("leg2.femur",), (2.0, -1.95, 1.95, 0.0, 9.0), False),
+        (("trunk",), (2.0, -1.95, 1.95, 9.0, 9.0), False),
+        ((), (2.0, -1.95, 1.95, 9.0, 9.0), False),
+    ],
+)
+def test_a_name_stands_in_where_its_own_joints_are_farther_off_than_by_chance(
+    where, tolerances, expected
+):
+    own = [f"{what} leg1.femur" for what in ("zero", "torque", "friction")]
+    found = judges({})
+    found.model.nuisances = [
+        RobotNuisance(name, "", 1.0, "", reach=2.0)
+        for name in (*own, "torque leg2.femur", "supply")
+    ]
+    found.model.placed["a"] = SimpleNamespace(where=where)
+    assert found.pulled(taken_as(*tolerances), "a") is expected
+
+
 def test_two_at_their_ends_among_many_that_are_near_stand_in_for_nothing():
     many = [
         RobotNuisance(f"mass {k}", "(ratio)", 1.0, "", reach=2.0, same=("x",)) for k in range(15)
@@ -317,7 +346,7 @@ def numbers(monkeypatch):
 
     def number_of(search, now, name):
         state = "at bound" if name in Given.farthest else "pinned"
-        return Estimate(0.0, (0.0, 0.0), "", state)
+        return Estimate(0.0, Given.between, "", state)
 
     monkeypatch.setattr(settling, "number_of", number_of)
     monkeypatch.setattr(settling, "chance_of", lambda model, found, gain: Given.chance)
@@ -338,6 +367,9 @@ class Given(RobotJudges):
     costs: ClassVar = {}
     calm: ClassVar = False
     usual: ClassVar = frozenset()
+    pulls: ClassVar = frozenset()
+    tolerances: ClassVar = ()
+    between: ClassVar = (OFF + 0.1, OFF + 0.5)
     counts: ClassVar = 1.1 * BESIDE
     free: ClassVar = True
     farthest: ClassVar = frozenset()
@@ -358,6 +390,9 @@ class Given(RobotJudges):
 
     def ordinary(self, now, name):
         return name in self.usual
+
+    def pulled(self, now, name):
+        return name in self.pulls
 
     def outside(self, found, firm=1.0):
         assert firm == FIRM
@@ -387,7 +422,8 @@ class Given(RobotJudges):
 
 
 def effect_of(name, group=Group.CONTROLLER):
-    return SimpleNamespace(effect=SimpleNamespace(name=name, group=group), where=())
+    effect = SimpleNamespace(name=name, group=group)
+    return SimpleNamespace(effect=effect, where=(), parameter=SimpleNamespace(off=OFF))
 
 
 def kept(
@@ -405,7 +441,7 @@ def kept(
 ):
     names = max(phases, key=len)
     placed = {n: effect_of(n, Group.GEAR if n in own_gear else Group.CONTROLLER) for n in names}
-    search = SimpleNamespace(model=SimpleNamespace(placed=placed))
+    search = SimpleNamespace(model=SimpleNamespace(placed=placed, nuisances=Given.tolerances))
     own = Given(search, FITS, JUDGES, None, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
@@ -538,6 +574,7 @@ def test_of_a_robot_that_is_consistent_a_name_must_gain_as_much_as_beside_anothe
         ("left_out", 0.1, -0.1, LEFT_OUT),
         ("left_out", None, -0.1, LEFT_OUT),  # all recordings are of one group
         ("chance", 1.1 * UNLIKELY, 0.9 * UNLIKELY, UNSURE),
+        ("pulls", frozenset(), frozenset("a"), STANDS_IN),
     ],
 )
 @pytest.mark.parametrize(
@@ -557,6 +594,56 @@ def test_a_name_that_no_register_asks_for_must_be_firm(
     for value, stays in ((enough, "a"), (too_little, "a" if asks else "")):
         monkeypatch.setattr(Given, what, value)
         assert kept(squares, denied=denied, because=because) == tuple(stays)
+
+
+@pytest.mark.parametrize(
+    ("between", "stays"),
+    [
+        ((OFF + 0.1, OFF + 0.5), True),
+        ((OFF - 0.5, OFF - 0.1), True),
+        ((OFF, OFF + 0.5), False),
+        ((OFF - 0.1, OFF + 0.5), False),
+        ((OFF - 0.5, OFF), False),
+    ],
+)
+@pytest.mark.parametrize("denied", [{}, {(): -0.7}])
+def test_a_name_must_be_of_some_size_whatever_asks_for_it(monkeypatch, between, stays, denied):
+    monkeypatch.setattr(Given, "between", between)
+    left = kept({(): 5.0, ("a",): 1.5}, denied=denied, because=NO_SIZE)
+    assert left == (("a",) if stays else ())
+
+
+@pytest.mark.parametrize(
+    ("between", "stays"),
+    [
+        ((OFF * 1.21, OFF * 1.5), True),
+        ((OFF * 1.19, OFF * 1.5), False),
+        ((OFF * 0.5, OFF * 0.79), True),
+        ((OFF * 0.5, OFF * 0.81), False),
+    ],
+)
+@pytest.mark.parametrize(
+    ("name", "doubt", "asked"), [("a", 0.2, True), ("a", 0.0, False), ("b", 0.2, False)]
+)
+def test_a_number_that_files_assume_must_be_farther_off_than_such_a_number_is(
+    monkeypatch, between, stays, name, doubt, asked
+):
+    monkeypatch.setattr(Given, "between", between)
+    one = RobotNuisance("rotors", "(ratio)", 0.02, "", same=(name,), doubt=doubt)
+    monkeypatch.setattr(Given, "tolerances", (one,))
+    left = kept({(): 5.0, ("a",): 1.5}, denied={(): -0.7}, because=ASSUMED)
+    assert left == (("a",) if stays or not asked else ())
+
+
+def test_what_is_left_is_asked_again_without_what_was_refused(monkeypatch):
+    """A name that holds only beside one that does not goes as well."""
+
+    def refused(self, found, now, gain, **how):
+        return NO_SIZE if gain.name == "b" or "b" not in now.names else ""
+
+    monkeypatch.setattr(Given, "_refused", refused)
+    squares = {names: 5.0 - len(names) for names in ((), ("a",), ("b",), ("a", "b"))}
+    assert kept(squares, because=NO_SIZE) == ()
 
 
 @pytest.mark.parametrize(
@@ -730,11 +817,14 @@ def steep(at, squares, high=9.0):
     placed = {"a": effect_of("a")}
     sight = SimpleNamespace(box=lambda names: (np.zeros(1), np.full(1, high)))
     search = SimpleNamespace(
-        model=SimpleNamespace(placed=placed), sight=sight, replayed=lambda found: found
+        model=SimpleNamespace(placed=placed, nuisances=()),
+        sight=sight,
+        replayed=lambda found: found,
     )
     own = Steep(search, None, FITS, JUDGES, held_out=True)
     Given.phases = {tuple(np.clip([at * (1.0 + x)], 0, high)): y for x, y in squares.items()}
     Given.phases[()] = 5.0
+    Given.denied, Given.low = {}, {}
     base, now = (RobotFit(n, np.array(z), {}, 0.0) for n, z in (((), []), (("a",), [at])))
     gain = SimpleNamespace(name="a", deflated=20.0, held_out=None)
     found = SimpleNamespace(base=base, fit=now, taken=[gain], tried=())
@@ -780,7 +870,9 @@ def test_next_to_falling_every_name_is_asked_for_at_sizes_a_little_aside(monkeyp
     placed = {n: effect_of(n) for n in "ab"}
     sight = SimpleNamespace(box=lambda names: (np.zeros(2), np.full(2, 9.0)))
     search = SimpleNamespace(
-        model=SimpleNamespace(placed=placed), sight=sight, replayed=lambda found: found
+        model=SimpleNamespace(placed=placed, nuisances=()),
+        sight=sight,
+        replayed=lambda found: found,
     )
     own = Leaning(search, None, FITS, JUDGES, held_out=True)
     now = RobotFit(("a", "b"), np.ones(2), {}, 0.0)
