@@ -26,6 +26,7 @@ FARTHER = "its number is as far as it may be, and would go farther: it stands fo
 #: share of the square of means above the floor that names with play among them must take: play
 #: that is true took 0.48 and 0.71 of it (0.35 and 0.33 of samples), for springs it took 0.27
 PLAYED = 0.4
+OTHER_VOLTS = "servos show another voltage than with it, and how they move follows from that, too"
 ASSUMED = "its number is assumed, and may be no more off than such a number is"
 NO_SIZE = "it may be of no size: its interval holds that at which the model is as without it"
 NO_PART = "all names together leave most of what recordings that were not used to fit are off by"
@@ -33,7 +34,7 @@ NO_BETTER = "recordings that were not used to fit are no better with it"
 UNSURE = "too unlikely beside what follows the recordings as well, or what no catalogue has"
 #: reasons after which no other name is looked for: what follows recordings next to that one would
 #: stand in for the same, or be as likely
-LAST = frozenset({UNSURE, STANDS_IN, ASSUMED})
+LAST = frozenset({UNSURE, STANDS_IN, OTHER_VOLTS, ASSUMED})
 
 
 class Named(NamedTuple):
@@ -161,21 +162,18 @@ class RobotJudges(Judges):
 
         It must be of some size, and of more than an assumed number is off by. One that no register
         asks for must gain as much as beside another where positions are ``calm``, must gain on
-        groups left out, must be likelier than all else, and must leave the tolerances of its own
-        joints what they are by chance. Where no more than noise is left without any (``quiet``), it
-        must be more than a tolerance has, or gain much and free several of them from their ends:
-        together that is more than they have.
+        groups left out, must be likelier than all else, and must leave voltages as servos show them
+        and the tolerances of its own joints what they are by chance. Where no more than noise is
+        left without any (``quiet``), it must be more than a tolerance has, or gain much and free
+        several of them from their ends: together that is more than they have.
         """
         base = found.base
         number = number_of(self.search, now, gain.name)
         if number.state == "at bound":
             return FARTHER
-        low, high = number.ci95
-        if low <= self.model.placed[gain.name].parameter.off <= high:
-            return NO_SIZE
-        if self.doubtful(gain.name, low, high):
-            return ASSUMED
-        weak = self._weak(found, gain, calm) or (STANDS_IN if self.pulled(now, gain.name) else "")
+        if small := self._small(gain.name, *number.ci95):
+            return small
+        weak = self._weak(found, gain, calm) or self._stands_in(now, gain.name)
         if weak and not self.restores(self.without(base, now, gain.name), now):
             return weak
         if not quiet or not self.ordinary(now, gain.name):
@@ -191,11 +189,19 @@ class RobotJudges(Judges):
             return LEFT_OUT
         return UNSURE if chance_of(self.model, self.undenied(found), gain) < UNLIKELY else ""
 
-    def doubtful(self, name: str, low: float, high: float) -> bool:
-        """Whether a name of such an interval may be of a number that files only assume."""
+    def _stands_in(self, now: RobotFit, name: str) -> str:
+        """Why a name is there for something that has none; nothing if it is not."""
+        if self.volts_denied(now):
+            return OTHER_VOLTS
+        return STANDS_IN if self.pulled(now, name) else ""
+
+    def _small(self, name: str, low: float, high: float) -> str:
+        """Why a name of such an interval may be none: of no size, or of a number only assumed."""
         doubt = max((n.doubt for n in self.model.nuisances if name in n.same), default=0.0)
         off = self.model.placed[name].parameter.off
-        return doubt > 0.0 and low <= off * (1.0 + doubt) and high >= off * (1.0 - doubt)
+        if low > off * (1.0 + doubt) or high < off * (1.0 - doubt):
+            return ""
+        return ASSUMED if doubt else NO_SIZE
 
     def ordinary(self, now: RobotFit, name: str) -> bool:
         """Whether a name may be no more than a tolerance has it, by its interval."""

@@ -11,7 +11,14 @@ from bench.diagnosis.robot.model import RATTLING
 from bench.diagnosis.robot.naming import Answer, Named, Naming
 from bench.diagnosis.robot.rattling import Shaker, is_play, is_spring
 from bench.diagnosis.robot.rising import Riser
-from bench.diagnosis.robot.settling import ASSUMED, NO_BETTER, NO_SIZE, STANDS_IN, UNSURE
+from bench.diagnosis.robot.settling import (
+    ASSUMED,
+    NO_BETTER,
+    NO_SIZE,
+    OTHER_VOLTS,
+    STANDS_IN,
+    UNSURE,
+)
 from bench.diagnosis.watch import OutOfTimeError
 from sim.effects import effect
 
@@ -269,9 +276,19 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
         (False, True, NO_SIZE),
         (False, True, UNSURE),
         (False, True, STANDS_IN),
+        (False, True, OTHER_VOLTS),
         (False, True, ASSUMED),
     ],
-    ids=["in time", "cut", "beside play", "no size", "one of several", "stands in", "assumed"],
+    ids=[
+        "in time",
+        "cut",
+        "beside play",
+        "no size",
+        "one of several",
+        "stands in",
+        "volts",
+        "assumed",
+    ],
 )
 def test_what_was_found_is_told_whatever_the_time(cut, again, because):
     """Only another search is left out: the first one's name was taken back."""

@@ -40,6 +40,7 @@ from bench.diagnosis.robot.settling import (
     NO_PART,
     NO_SIZE,
     ORDINARY,
+    OTHER_VOLTS,
     STANDS_IN,
     UNLIKELY,
     UNSURE,
@@ -475,7 +476,6 @@ RATTLES = {("a",): 6.4, ("backlash@all",): 9.0, (): 9.0}
         (6.4, {"denied": {(): 1.0}}, "a"),  # voltages ask for it
         (6.4, {"low": {(): 1.0}}, "a"),  # loads do
         (6.4, {"low": {(): 1.0}, "own_gear": "a"}, ""),  # loads ask for nothing outside a law
-        (6.4, {"denied": {(): 1.0, ("a",): 0.6}}, ""),  # but it is not that
     ],
 )
 def test_names_that_leave_most_of_what_is_far_off_are_no_part_of_it(monkeypatch, left, more, stays):
@@ -578,22 +578,39 @@ def test_of_a_robot_that_is_consistent_a_name_must_gain_as_much_as_beside_anothe
     ],
 )
 @pytest.mark.parametrize(
-    ("denied", "asks"),
+    ("registers", "asks"),
     [
         ({}, False),
-        ({(): -0.7, ("a",): -0.5}, False),  # which is not what voltages show
-        ({(): -0.7}, True),
+        ({"low": {(): 9.0, ("a",): 5.0}}, False),  # which is not what loads show
+        ({"denied": {(): -0.7}}, True),
     ],
 )
 def test_a_name_that_no_register_asks_for_must_be_firm(
-    monkeypatch, what, enough, too_little, because, denied, asks
+    monkeypatch, what, enough, too_little, because, registers, asks
 ):
     """Where positions are as believed and a register denies that, what it does not ask for, too."""
     monkeypatch.setattr(Given, "calm", True)
     squares = {(): 5.0, ("a",): 1.5}
     for value, stays in ((enough, "a"), (too_little, "a" if asks else "")):
         monkeypatch.setattr(Given, what, value)
-        assert kept(squares, denied=denied, because=because) == tuple(stays)
+        assert kept(squares, **registers, because=because) == tuple(stays)
+
+
+@pytest.mark.parametrize(
+    ("left", "stays"), [(0.0, ("a",)), (-0.3, ("a",)), (-0.4, ()), (-0.7, ()), (0.4, ())]
+)
+def test_a_name_must_leave_voltages_as_servos_show_them(left, stays):
+    """Else what hides in them is in how the robot moves as well, under the nearest name."""
+    found = kept({(): 5.0, ("a",): 1.5}, denied={(): -0.7, ("a",): left}, because=OTHER_VOLTS)
+    assert found == stays
+
+
+def test_beside_a_name_that_mends_voltages_another_holds():
+    squares = {(): 9.0, ("a",): 5.0, ("b",): 5.0, ("a", "b"): 1.5}
+    costs = {("a", "b"): 99.0, ("a",): 100.0}
+    assert kept(squares, denied={(): -0.7, ("a",): -0.7}, costs=costs) == ("a", "b")
+    denied = dict.fromkeys(squares, -0.7)
+    assert kept(squares, denied=denied, because=OTHER_VOLTS) == ()
 
 
 @pytest.mark.parametrize(
@@ -730,7 +747,7 @@ def test_a_name_that_voltages_ask_for_need_not_be_better_where_tolerances_forete
     assert kept(slightly, low={(): 9.0}) == ("a",)
     assert kept(slightly, low={(): 9.0, ("a",): 4.6}) == ()
     for left, names in ((-0.7, ()), (-0.36, ()), (-0.34, ("a",)), (0.34, ("a",)), (0.36, ())):
-        assert kept(slightly, denied={(): -0.7, ("a",): left}) == names
+        assert kept(slightly, denied={(): -0.7, ("a",): left}, because=OTHER_VOLTS) == names
     squares = {(): 9.0, ("a",): 2.0, ("b",): 9.0, ("a", "b"): 2.1}
     for outside, names in ((-1.0, ("a", "b")), (1.0, ("a",))):
         costs = dict.fromkeys(squares, 100.0) | {("a", "b"): 100.0 + outside}
