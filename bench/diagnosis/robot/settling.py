@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..joint.growing import RELIEF
-from .causes import chance_of, number_of
+from .causes import chance_of, close_rivals, number_of
 from .fit import FIRM, RobotFit
 from .gains import RobotFindings, RobotGain
 from .improved import tolerated
@@ -27,6 +27,7 @@ FARTHER = "its number is as far as it may be, and would go farther: it stands fo
 #: that is true took 0.48 and 0.71 of it (0.35 and 0.33 of samples), for springs it took 0.27
 PLAYED = 0.4
 OTHER_VOLTS = "servos show another voltage than with it, and how they move follows from that, too"
+AS_WELL = "a number that files only assume, no more off than such a number is, does as well"
 ASSUMED = "its number is assumed, and may be no more off than such a number is"
 NO_SIZE = "it may be of no size: its interval holds that at which the model is as without it"
 NO_PART = "all names together leave most of what recordings that were not used to fit are off by"
@@ -34,7 +35,7 @@ NO_BETTER = "recordings that were not used to fit are no better with it"
 UNSURE = "too unlikely beside what follows the recordings as well, or what no catalogue has"
 #: reasons after which no other name is looked for: what follows recordings next to that one would
 #: stand in for the same, or be as likely
-LAST = frozenset({UNSURE, STANDS_IN, OTHER_VOLTS, ASSUMED})
+LAST = frozenset({UNSURE, STANDS_IN, OTHER_VOLTS, ASSUMED, AS_WELL})
 
 
 class Named(NamedTuple):
@@ -173,7 +174,7 @@ class RobotJudges(Judges):
             return FARTHER
         if small := self._small(gain.name, *number.ci95):
             return small
-        weak = self._weak(found, gain, calm) or self._stands_in(now, gain.name)
+        weak = self._weak(found, gain, calm) or self._stands_in(found, now, gain)
         if weak and not self.restores(self.without(base, now, gain.name), now):
             return weak
         if not quiet or not self.ordinary(now, gain.name):
@@ -189,11 +190,17 @@ class RobotJudges(Judges):
             return LEFT_OUT
         return UNSURE if chance_of(self.model, self.undenied(found), gain) < UNLIKELY else ""
 
-    def _stands_in(self, now: RobotFit, name: str) -> str:
+    def _stands_in(self, found: RobotFindings, now: RobotFit, gain: RobotGain) -> str:
         """Why a name is there for something that has none; nothing if it is not."""
         if self.volts_denied(now):
             return OTHER_VOLTS
-        return STANDS_IN if self.pulled(now, name) else ""
+        if self.pulled(now, gain.name):
+            return STANDS_IN
+        for rival in close_rivals(self.model, found, gain):
+            ends = number_of(self.search, rival.fit, rival.name).ci95
+            if self._small(rival.name, *ends) == ASSUMED:
+                return AS_WELL
+        return ""
 
     def _small(self, name: str, low: float, high: float) -> str:
         """Why a name of such an interval may be none: of no size, or of a number only assumed."""

@@ -12,6 +12,7 @@ from bench.diagnosis.robot.naming import Answer, Named, Naming
 from bench.diagnosis.robot.rattling import Shaker, is_play, is_spring
 from bench.diagnosis.robot.rising import Riser
 from bench.diagnosis.robot.settling import (
+    AS_WELL,
     ASSUMED,
     NO_BETTER,
     NO_SIZE,
@@ -278,6 +279,7 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
         (False, True, STANDS_IN),
         (False, True, OTHER_VOLTS),
         (False, True, ASSUMED),
+        (False, True, AS_WELL),
     ],
     ids=[
         "in time",
@@ -288,6 +290,7 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
         "stands in",
         "volts",
         "assumed",
+        "as well",
     ],
 )
 def test_what_was_found_is_told_whatever_the_time(cut, again, because):

@@ -33,6 +33,7 @@ from bench.diagnosis.robot.model import ENGINES_RAD, VOLTAGE_SENSE
 from bench.diagnosis.robot.nuisances import RobotNuisance, nuisances
 from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
+    AS_WELL,
     ASSUMED,
     FAINT,
     FARTHER,
@@ -442,6 +443,7 @@ def kept(
 ):
     names = max(phases, key=len)
     placed = {n: effect_of(n, Group.GEAR if n in own_gear else Group.CONTROLLER) for n in names}
+    placed["rotors"] = effect_of("rotors")
     search = SimpleNamespace(model=SimpleNamespace(placed=placed, nuisances=Given.tolerances))
     own = Given(search, FITS, JUDGES, None, held_out=True)
     Given.phases, Given.seen = phases, seen or phases
@@ -650,6 +652,33 @@ def test_a_number_that_files_assume_must_be_farther_off_than_such_a_number_is(
     monkeypatch.setattr(Given, "tolerances", (one,))
     left = kept({(): 5.0, ("a",): 1.5}, denied={(): -0.7}, because=ASSUMED)
     assert left == (("a",) if stays or not asked else ())
+
+
+@pytest.mark.parametrize(
+    ("close", "size", "doubt", "registers", "stays"),
+    [
+        (True, 0.8, 0.2, {}, False),
+        (True, 0.8, 0.2, {"denied": {(): -0.7}}, True),  # a register asks for it
+        (False, 0.8, 0.2, {}, True),
+        (True, 0.7, 0.2, {}, True),  # no such number is so far off
+        (True, 0.8, 0.0, {}, True),
+        (True, 1.0, 0.0, {}, True),
+    ],
+)
+def test_what_a_number_that_files_assume_does_as_well_has_no_name(
+    monkeypatch, close, size, doubt, registers, stays
+):
+    """``close`` is whether it follows recordings as well, and ``size`` its own."""
+    ends = {"a": (1.5, 2.0), "rotors": (size - 0.05, size + 0.05)}
+    monkeypatch.setattr(
+        settling, "number_of", lambda search, fit, name: Estimate(0.0, ends[name], "")
+    )
+    rivals = [SimpleNamespace(name="rotors", fit=None)] if close else []
+    monkeypatch.setattr(settling, "close_rivals", lambda model, found, gain: rivals)
+    one = RobotNuisance("rotors", "(ratio)", 0.02, "", same=("rotors",), doubt=doubt)
+    monkeypatch.setattr(Given, "tolerances", (one,))
+    left = kept({(): 5.0, ("a",): 1.5}, **registers, because=AS_WELL)
+    assert left == (("a",) if stays else ())
 
 
 def test_what_is_left_is_asked_again_without_what_was_refused(monkeypatch):
