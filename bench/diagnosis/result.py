@@ -87,6 +87,12 @@ class Cause:
         return "wrong_value" if self.effect in WRONG_VALUES else "missing"
 
 
+def part_beside(explained_share: float, foretold: float, explainable: float) -> float:
+    """A cause's part of what it explains and a foretold rest together; squares are in rad^2."""
+    own = max(explained_share, LEAST_PART)
+    return own / (own + foretold / max(explainable, 1e-30))
+
+
 def beside_rest(cause: Cause, foretold: float, explainable: float, shown: float = 0.0) -> Cause:
     """A cause beside a rest that is foretold and has no name: its square, and all [rad^2].
 
@@ -94,8 +100,7 @@ def beside_rest(cause: Cause, foretold: float, explainable: float, shown: float 
     is no likelier than its part of both; nor are its rivals, which leave as much. ``shown`` is the
     share that it takes of what is left of another register, if that is more.
     """
-    own = max(cause.explained_share, LEAST_PART)
-    part = max(shown, own / (own + foretold / max(explainable, 1e-30)))
+    part = max(shown, part_beside(cause.explained_share, foretold, explainable))
     rivals = (replace(r, probability=part * r.probability) for r in cause.indistinguishable_from)
     return replace(
         cause, probability=part * cause.probability, indistinguishable_from=tuple(rivals)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..joint.growing import RELIEF
+from ..result import part_beside
 from .causes import chance_of, close_rivals, number_of
 from .fit import FIRM, RobotFit
 from .gains import RobotFindings, RobotGain
@@ -19,6 +20,9 @@ from .steps import BESIDE, LEFT_OUT, WORSE, much_worse
 
 #: probability by likelihoods below which names are not said: of three that were, one is true
 UNLIKELY = 0.25
+#: the same beside a rest that has no name: of the 173 names of runs 23 to 46 one was less likely
+#: where no register asked for it, not true (0.05)
+SCARCELY = 0.1
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
 STANDS_IN = "tolerances of its own joints are, together, off more than they are by chance"
@@ -100,7 +104,20 @@ class RobotJudges(Judges):
             rejected.append(self._taken_back(worst, NO_BETTER))
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
+        for gain in [gain for gain in taken if self._scarce(found, now, gain)]:
+            now = self.without(found.base, now, gain.name)
+            taken = [other for other in taken if other is not gain]
+            rejected.append(self._taken_back(gain, UNSURE))
         return Named(found, taken, now, rejected)
+
+    def _scarce(self, found: RobotFindings, now: RobotFit, gain: RobotGain) -> bool:
+        """Whether next to nothing speaks for a name, beside a rest that makes its part as well."""
+        without = self.without(found.base, now, gain.name)
+        explainable = self.explainable(found.base, now)
+        share = self.explained(without, now, explainable)
+        part = part_beside(share, self.rest(now).foretold, explainable)
+        likely = part * chance_of(self.model, self.undenied(found), gain)
+        return likely < SCARCELY and not self.restores(without, now)
 
     def _firm(
         self, found: RobotFindings

@@ -370,6 +370,8 @@ class Given(RobotJudges):
     calm: ClassVar = False
     usual: ClassVar = frozenset()
     pulls: ClassVar = frozenset()
+    share: ClassVar = 1.0
+    foretold: ClassVar = 0.0
     tolerances: ClassVar = ()
     between: ClassVar = (OFF + 0.1, OFF + 0.5)
     counts: ClassVar = 1.1 * BESIDE
@@ -395,6 +397,15 @@ class Given(RobotJudges):
 
     def pulled(self, now, name):
         return name in self.pulls
+
+    def explainable(self, base, now):
+        return 1.0
+
+    def explained(self, without, now, explainable):
+        return self.share
+
+    def rest(self, found):
+        return SimpleNamespace(foretold=self.foretold)
 
     def outside(self, found, firm=1.0):
         assert firm == FIRM
@@ -678,6 +689,26 @@ def test_what_a_number_that_files_assume_does_as_well_has_no_name(
     one = RobotNuisance("rotors", "(ratio)", 0.02, "", same=("rotors",), doubt=doubt)
     monkeypatch.setattr(Given, "tolerances", (one,))
     left = kept({(): 5.0, ("a",): 1.5}, **registers, because=AS_WELL)
+    assert left == (("a",) if stays else ())
+
+
+@pytest.mark.parametrize(
+    ("foretold", "chance", "registers", "stays"),
+    [
+        (0.0, 0.9, {}, True),
+        (0.7, 0.9, {}, True),  # 0.2 of what it and a rest have: 0.9 times that is 0.2
+        (1.7, 0.9, {}, False),
+        (0.7, 0.4, {}, False),
+        (1.7, 0.9, {"denied": {(): -0.7}}, True),  # a register asks for it
+    ],
+)
+def test_a_name_that_has_next_to_no_part_beside_a_rest_is_not_said(
+    monkeypatch, foretold, chance, registers, stays
+):
+    monkeypatch.setattr(Given, "share", 0.175)
+    monkeypatch.setattr(Given, "foretold", foretold)
+    monkeypatch.setattr(Given, "chance", chance)
+    left = kept({(): 5.0, ("a",): 1.5}, **registers, because=UNSURE)
     assert left == (("a",) if stays else ())
 
 
@@ -1049,4 +1080,4 @@ def test_what_can_be_explained_is_what_is_above_the_floor_and_what_goes_below_it
     own = Given(None, FITS, JUDGES, None, held_out=True)
     Given.phases = {(): before, ("a",): now}
     base, found = (SimpleNamespace(names=names) for names in ((), ("a",)))
-    assert own.explainable(base, found) == pytest.approx(explainable)
+    assert RobotJudges.explainable(own, base, found) == pytest.approx(explainable)
