@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,7 +21,7 @@ from .steps import BESIDE, LEFT_OUT, WORSE, much_worse
 #: probability by likelihoods below which names are not said: of three that were, one is true
 UNLIKELY = 0.25
 #: the same beside a rest that has no name: of the 173 names of runs 23 to 46 one was less likely
-#: where no register asked for it, not true (0.05)
+#: where no register asked for it, not true (0.055)
 SCARCELY = 0.1
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
@@ -104,20 +104,27 @@ class RobotJudges(Judges):
             rejected.append(self._taken_back(worst, NO_BETTER))
             now = fits[worst.name]
             taken = [gain for gain in taken if gain is not worst]
-        for gain in [gain for gain in taken if self._scarce(found, now, gain)]:
+        for gain in self._scarce(found, taken, now):
             now = self.without(found.base, now, gain.name)
             taken = [other for other in taken if other is not gain]
             rejected.append(self._taken_back(gain, UNSURE))
         return Named(found, taken, now, rejected)
 
-    def _scarce(self, found: RobotFindings, now: RobotFit, gain: RobotGain) -> bool:
-        """Whether next to nothing speaks for a name, beside a rest that makes its part as well."""
-        without = self.without(found.base, now, gain.name)
-        explainable = self.explainable(found.base, now)
-        share = self.explained(without, now, explainable)
-        part = part_beside(share, self.rest(now).foretold, explainable)
-        likely = part * chance_of(self.model, self.undenied(found), gain)
-        return likely < SCARCELY and not self.restores(without, now)
+    def _scarce(
+        self, found: RobotFindings, taken: Sequence[RobotGain], now: RobotFit
+    ) -> list[RobotGain]:
+        """Names for which next to nothing speaks beside a rest that may make their part as well."""
+        if not taken:
+            return []
+        foretold, explainable = self.rest(now).foretold, self.explainable(found.base, now)
+        undenied, scarce = self.undenied(found), []
+        for gain in taken:
+            without = self.without(found.base, now, gain.name)
+            part = part_beside(self.explained(without, now, explainable), foretold, explainable)
+            likely = part * chance_of(self.model, undenied, gain)
+            if likely < SCARCELY and not self.restores(without, now):
+                scarce.append(gain)
+        return scarce
 
     def _firm(
         self, found: RobotFindings
