@@ -26,13 +26,12 @@ Key = tuple[str, str]  #: a joint and a phase
 class Places:
     """Squares of something that is in rows of joints, by joint and phase.
 
-    ``stance`` is the share of each row in which its leg stands, by the number of a recording.
+    Rows are by the number of a recording. A leg stands where its foot presses in the last exact
+    replay, not where it is told to.
     ``ratio`` is the same over what noise and two engines make of it.
     """
 
-    def __init__(
-        self, model: RobotModel, rows: Mapping[int, Floats], stance: Mapping[int, Floats]
-    ) -> None:
+    def __init__(self, model: RobotModel, rows: Mapping[int, Floats]) -> None:
         self.names = [joint.name for joint in model.base.joints]
         floor = model.floors()[RobotKind.JOINTS] ** 2
         self.sums: dict[Key, float] = {}
@@ -41,9 +40,10 @@ class Places:
         for r, value in rows.items():
             features = model.features[r]
             extra = model.block(r, RobotKind.JOINTS, value).scatter
+            stance = model.pressed(r)
             for j, joint in enumerate(self.names):
                 own = features.joint_row == j
-                for phase, share in (("stance", stance[r][own]), ("swing", 1.0 - stance[r][own])):
+                for phase, share in (("stance", stance[own]), ("swing", 1.0 - stance[own])):
                     key = joint, phase
                     square = share * value[own] ** 2
                     self.sums[key] = self.sums.get(key, 0.0) + float(square.sum())
@@ -94,14 +94,12 @@ class Places:
 def mismatch(model: RobotModel, left: Mapping[int, Floats]) -> tuple[dict[str, Any], ...]:
     """Where more is left than noise leaves, as ``diagnosis.json`` has it, the largest share first.
 
-    ``left`` is what is left of recordings, by their numbers. A place is a joint in stance or swing,
-    as the leg is told to;
+    ``left`` is what is left of recordings, by their numbers. A place is a joint in stance or swing;
     those of one kind stand together, but legs that stand out stand on their own. What is in all
     joints of a kind may be too little in each, and tells by all of them. ``p_value`` is
     the chance of as much from noise and from two engines, times the number of places looked at.
     """
-    stance = {r: model.features[r].stance.astype(np.float64) for r in left}
-    places = Places(model, left, stance)
+    places = Places(model, left)
     rows = []
     for keys in places.kinds():
         telling = [k for k in keys if places.chance(k) < SIGNIFICANT]
@@ -119,10 +117,9 @@ def moved(model: RobotModel, by: Mapping[int, Floats]) -> tuple[dict[str, Any], 
 
     ``by`` is how far it moves the rows of recordings. That it is there at all is shown by all of
     them together, so that a place is told whether or not it would show it alone: ``p_value`` may be
-    any. Told by that, what is spread over a gait would seem to be where feet press alone. A leg
-    stands where its foot presses in the last exact replays.
+    any. Told by that, what is spread over a gait would seem to be where feet press alone.
     """
-    places = Places(model, by, {r: model.pressed(r) for r in by})
+    places = Places(model, by)
     rows = []
     for keys in places.kinds():
         row = places.row(places.most(keys))
