@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -41,6 +42,8 @@ PART = 0.5
 #: chance below which tolerances of a name's own joints are not what they are by themselves: of
 #: thirteen true names in opened proofs the least was 0.10, of a wrong one it was 0.002
 PULLED = 0.01
+#: tolerances of how much a servo does about being off, by the first words of their names
+DRIVES = ("gain", "motors", "torque")
 FALLEN = 30.0  #: floors of misfit beyond which a robot stands or lies otherwise; assumed
 
 
@@ -192,6 +195,19 @@ class Judges(Denials):
         pairs = zip(self.model.nuisances, found.nuisances.tolist(), strict=True)
         squares = [z**2 for n, z in pairs if n.name.split()[-1] in own]
         return bool(squares) and float(chi2.sf(sum(squares), len(squares))) < PULLED
+
+    def driven(self, found: RobotFit) -> bool:
+        """Whether servos of all joints do more or less about being off than they do by chance.
+
+        Gain, motors and the torques of single joints, those together, have a third each; that all
+        go one way takes something that they stand in for: each may go as far alone. A supply is
+        read, or else no other than a gain.
+        """
+        each: dict[str, list[float]] = defaultdict(list)
+        for nuisance, z in zip(self.model.nuisances, found.nuisances.tolist(), strict=True):
+            each[nuisance.name.split()[0]].append(z)
+        ways = [sum(each[name]) / len(each[name]) ** 0.5 for name in DRIVES if each[name]]
+        return bool(ways) and float(chi2.sf(sum(ways) ** 2 / len(ways), 1)) < PULLED
 
     def at_ends(self, found: RobotFit) -> list[RobotNuisance]:
         """Tolerances of the whole robot that a fit has taken as far as they may go.

@@ -26,6 +26,9 @@ SCARCELY = 0.1
 ORDINARY = "its size may be no more than what is ordinary, and nothing else is left to explain"
 FAINT = f"less than the {BESIDE:.0f} nats that a name needs where nothing else is left to explain"
 STANDS_IN = "tolerances of its own joints are, together, off more than they are by chance"
+DRIVEN = (
+    "tolerances of gain and torques are, together and one way, off more than they are by chance"
+)
 FARTHER = "its number is as far as it may be, and would go farther: it stands for something else"
 #: share of the square of means above the floor that names with play among them must take: play
 #: that is true took 0.48 and 0.71 of it (0.35 and 0.33 of samples), for springs it took 0.27
@@ -39,7 +42,7 @@ NO_BETTER = "recordings that were not used to fit are no better with it"
 UNSURE = "too unlikely beside what follows the recordings as well, or what no catalogue has"
 #: reasons after which no other name is looked for: what follows recordings next to that one would
 #: stand in for the same, or be as likely
-LAST = frozenset({UNSURE, STANDS_IN, OTHER_VOLTS, ASSUMED, AS_WELL})
+LAST = frozenset({UNSURE, STANDS_IN, DRIVEN, OTHER_VOLTS, ASSUMED, AS_WELL})
 
 
 class Named(NamedTuple):
@@ -188,9 +191,9 @@ class RobotJudges(Judges):
         It must be of some size, and of more than an assumed number is off by. One that no register
         asks for must gain as much as beside another where positions are ``calm``, must gain on
         groups left out, must be likelier than all else, and must leave voltages as servos show them
-        and the tolerances of its own joints what they are by chance. Where no more than noise is
-        left without any (``quiet``), it must be more than a tolerance has, or gain much and free
-        several of them from their ends: together that is more than they have.
+        and tolerances, of its own joints and of all servos, what they are by chance. Where no more
+        than noise is left without any (``quiet``), it must be more than a tolerance has, or gain
+        much and free several of them from their ends: together that is more than they have.
         """
         base = found.base
         number = number_of(self.search, now, gain.name)
@@ -220,6 +223,8 @@ class RobotJudges(Judges):
             return OTHER_VOLTS
         if self.pulled(now, gain.name):
             return STANDS_IN
+        if self.driven(now):
+            return DRIVEN
         for rival in close_rivals(self.model, found, gain):
             ends = number_of(self.search, rival.fit, rival.name).ci95
             if self._small(rival.name, *ends) == ASSUMED:

@@ -14,6 +14,7 @@ from bench.diagnosis.robot.rising import Riser
 from bench.diagnosis.robot.settling import (
     AS_WELL,
     ASSUMED,
+    DRIVEN,
     NO_BETTER,
     NO_SIZE,
     OTHER_VOLTS,
@@ -277,6 +278,7 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
         (False, True, NO_SIZE),
         (False, True, UNSURE),
         (False, True, STANDS_IN),
+        (False, True, DRIVEN),
         (False, True, OTHER_VOLTS),
         (False, True, ASSUMED),
         (False, True, AS_WELL),
@@ -288,6 +290,7 @@ def test_what_stands_up_worse_with_a_name_is_asked_how_it_does_and_once(
         "no size",
         "one of several",
         "stands in",
+        "driven",
         "volts",
         "assumed",
         "as well",

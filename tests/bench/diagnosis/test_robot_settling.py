@@ -35,6 +35,7 @@ from bench.diagnosis.robot.rest import LOCAL
 from bench.diagnosis.robot.settling import (
     AS_WELL,
     ASSUMED,
+    DRIVEN,
     FAINT,
     FARTHER,
     NO_BETTER,
@@ -315,6 +316,35 @@ def test_a_name_stands_in_where_its_own_joints_are_farther_off_than_by_chance(
     assert found.pulled(taken_as(*tolerances), "a") is expected
 
 
+@pytest.mark.parametrize(
+    ("gain", "motors", "torques", "supply", "expected"),
+    [
+        (-1.5, -1.5, (-1.1, -1.1), 0.0, True),  # -4.56, of 4.46 by chance one time in a hundred
+        (-1.4, -1.4, (-1.1, -1.1), 0.0, False),
+        (1.5, 1.5, (1.1, 1.1), 0.0, True),
+        (-2.0, -2.0, (0.0, 0.0), 2.0, False),  # all must go one way
+        (-2.0, 2.0, (-1.1, -1.1), 2.0, False),
+        (-1.5, -1.5, (-2.2, 0.0), 0.0, True),
+        (-1.5, -1.5, (-2.2, 2.2), 0.0, False),
+        (-1.4, -1.4, (-1.1, -1.1), -2.0, False),  # which is read
+    ],
+)
+def test_servos_of_all_joints_may_do_no_more_or_less_than_by_chance(
+    gain, motors, torques, supply, expected
+):
+    found = judges({})
+    names = ("gain", "supply", "torque leg1.femur", "motors", "torque leg2.femur", "friction leg1")
+    found.model.nuisances = [RobotNuisance(name, "", 1.0, "", reach=2.0) for name in names]
+    fit = taken_as(gain, supply, torques[0], motors, torques[1], -2.0)
+    assert found.driven(fit) is expected
+
+
+def test_without_tolerances_of_servos_nothing_is_asked():
+    found = judges({})
+    found.model.nuisances = [RobotNuisance("supply", "", 1.0, "", reach=2.0)]
+    assert found.driven(taken_as(2.0)) is False
+
+
 def test_two_at_their_ends_among_many_that_are_near_stand_in_for_nothing():
     many = [
         RobotNuisance(f"mass {k}", "(ratio)", 1.0, "", reach=2.0, same=("x",)) for k in range(15)
@@ -370,6 +400,7 @@ class Given(RobotJudges):
     calm: ClassVar = False
     usual: ClassVar = frozenset()
     pulls: ClassVar = frozenset()
+    drives: ClassVar = frozenset()
     share: ClassVar = 1.0
     foretold: ClassVar = 0.0
     tolerances: ClassVar = ()
@@ -397,6 +428,9 @@ class Given(RobotJudges):
 
     def pulled(self, now, name):
         return name in self.pulls
+
+    def driven(self, now):
+        return self.drives.intersection(now.names)
 
     def explainable(self, base, now):
         return 1.0
@@ -588,6 +622,7 @@ def test_of_a_robot_that_is_consistent_a_name_must_gain_as_much_as_beside_anothe
         ("left_out", None, -0.1, LEFT_OUT),  # all recordings are of one group
         ("chance", 1.1 * UNLIKELY, 0.9 * UNLIKELY, UNSURE),
         ("pulls", frozenset(), frozenset("a"), STANDS_IN),
+        ("drives", frozenset(), frozenset("a"), DRIVEN),
     ],
 )
 @pytest.mark.parametrize(
