@@ -53,9 +53,12 @@ def far_off(rms_rad: float, floor_rad: float) -> bool:
 
 
 def leaves_most(before: float, left: float, floor_rad: float) -> bool:
-    """Whether samples are far off, by more than half of what they were (mean squares, rad^2)."""
+    """Whether samples are or were far off, by more than half of what they were.
+
+    Mean squares [rad^2].
+    """
     off = before - floor_rad**2
-    return far_off(left**0.5, floor_rad) and before - left < PART * off
+    return far_off(max(before, left) ** 0.5, floor_rad) and before - left < PART * off
 
 
 @dataclass(frozen=True, slots=True)

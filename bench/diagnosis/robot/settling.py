@@ -156,7 +156,7 @@ class RobotJudges(Judges):
     ) -> list[str]:
         """Names, no register asking for them, of those that leave half of what samples are off by.
 
-        None where what is left is not far over noise, or little decides how a robot lies.
+        None where samples are not far over noise, nor were, or little decides how a robot lies.
         ``without`` has the fit without each.
         """
         if not leaves_most(before, left, self.sound_rad) or self.fallen(now):
