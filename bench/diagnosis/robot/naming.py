@@ -176,19 +176,19 @@ class Naming:
         if there is time, and if it shall search ``again``; not where others are as likely, or would
         stand in for the same.
         """
-        done, far = self.held.consistent, self.held.far
+        done, far, volts = self.held.consistent, self.held.far, self.held.volts_denied
 
         def risen(fit: RobotFit) -> bool:  # not asked of a robot that rattles
             return not without >= RATTLING and self._riser(fit, without) is not None
 
-        found = self.search.run(without=without, base=base, done=done, far=far)
+        found = self.search.run(without=without, base=base, done=done, far=far, volts=volts)
         named = self.held.kept(found, self.tell, risen)
         last = any(row["because"] in LAST for row in named.rejected)
         if not again or not found.taken or found.taken[0] in named.taken or last:
             return named
         without |= {self.search.model.placed[found.taken[0].name].effect.name}
         try:
-            found = self.search.run(without=without, base=base, done=done, far=far)
+            found = self.search.run(without=without, base=base, done=done, far=far, volts=volts)
         except OutOfTimeError:
             return named
         second = self.held.kept(found, self.tell, risen)

@@ -23,7 +23,7 @@ from .effects import ONE_WITH, Placed, leg_of
 from .fit import ENOUGH, RobotFit
 from .gains import HOPELESS, NEEDED, RobotFindings, RobotGain
 from .screen import Screen, stretched, worth_fitting
-from .sought import Pair, Sought
+from .sought import Pair, Sought, opposed
 from .steps import BESIDE, Steps, much_worse
 
 Floats = NDArray[np.float64]
@@ -56,12 +56,14 @@ class RobotSearch(Steps):
         base: RobotFit | None = None,
         done: Callable[[RobotFit], bool] = lambda _: False,
         far: Callable[[RobotFit], bool] = lambda _: False,
+        volts: Callable[[RobotFit], float] = lambda _: 0.0,
     ) -> RobotFindings:
         """Search among placed effects, of legs only where legs stand out.
 
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
         believes if that was fitted. Beside a fit that is ``done`` nothing is tried but what had
-        gained in place of what it has; and pairs where it is ``far`` from what was recorded.
+        gained in place of what it has; and pairs where it is ``far`` from what was recorded, or
+        where servos show so many ``volts`` more than a fit has.
         """
         model = self.model
         base = base or self.believed()
@@ -88,16 +90,21 @@ class RobotSearch(Steps):
                 bare = now
                 if chosen is not None:
                     now, taken = chosen.fit, [*taken, chosen]
-                pair: list[RobotGain] = []
+                pair: list[tuple[RobotGain, ...]] = []
                 if len(tried) == 1:
-                    pair = self._together(sought.pairs, bare, fitted, chosen)
+                    pair = self._together(
+                        (*sought.pairs, *self._hidden(bare, now, volts, wanted)),
+                        bare,
+                        fitted,
+                        chosen,
+                    )
                 elif len(taken) == 1 and far(now):
                     most = 2  # what such a robot does beside two is chance
                     one = replace(taken[0], fit=now)
                     pair = self._together(with_next(one, tried[0]), base, tried[0], one)
                 if pair:
-                    now, taken, alone = pair[-1].fit, pair, tried
-                    tried = [(pair[0],), (pair[1],)]
+                    alone, tried, taken = tried, pair, [step[0] for step in pair]
+                    now = taken[-1].fit
                 over = done(now)
                 sought = sought.rivals(now) if over else sought
                 if now is bare or len(taken) >= most or (over and not sought.at):
@@ -128,18 +135,30 @@ class RobotSearch(Steps):
         """That what the operator believes is all there is to say."""
         return RobotFindings(base, base, (), (), {}, ())
 
+    def _hidden(
+        self,
+        bare: RobotFit,
+        now: RobotFit,
+        volts: Callable[[RobotFit], float],
+        names: Collection[str],
+    ) -> tuple[Pair, ...]:
+        """Supplies behind a gain, where servos show another voltage with what was taken as well."""
+        return opposed(self.sight, bare, volts(bare), names) if volts(now) else ()
+
     def _together(
         self,
         pairs: Sequence[Pair],
         now: RobotFit,
         tried: Sequence[RobotGain],
         chosen: RobotGain | None,
-    ) -> list[RobotGain]:
+    ) -> list[tuple[RobotGain, ...]]:
         """Two effects that together gain much more than the best alone, and none without the other.
 
-        Nothing else finds them: with one of them alone a robot is as far off as with neither.
+        Nothing else finds them: with one of them alone a robot is as far off as with neither. Two
+        steps, of the pair that gains most; beside its first effect others that hold with the same.
         """
         alone = now if chosen is None else chosen.fit
+        found: list[list[RobotGain]] = []
         for pair in pairs:
             names, knobs = (*now.names, *pair.names), np.append(now.knobs, pair.knobs)
             told = " and ".join(pair.names)
@@ -160,11 +179,15 @@ class RobotSearch(Steps):
             if worse or any(more < BESIDE * gain.inflation for gain in gains):
                 continue
             if all(self._holds(gain, fit) for gain in gains):
-                self.around(fit)
-                return gains
+                found.append(gains)
+        best = min(found, key=lambda gains: gains[0].fit.cost, default=None)
         if pairs:
-            self.around(alone)
-        return []
+            self.around(alone if best is None else best[0].fit)
+        if best is None:
+            return []
+        first, second = best
+        others = (one for one, other in found if one is not first and other.name == second.name)
+        return [(first, *others), (second,)]
 
     def _of_pair(self, name: str, fit: RobotFit, tried: Sequence[RobotGain]) -> RobotGain:
         """What one effect gains beside the others of a fit, the best of which is known."""

@@ -25,6 +25,9 @@ LITTLE = 0.5  #: of much of a spring, below which much is tried as well
 #: what is looked for together, as both give under the same load and neither shows without the other
 PAIRS = (("joint_compliance@femur+tibia", "foot_compliance@all"),)
 SOFT = 3.0  #: of tips beside a spring, in first tries, where a fit begins
+#: and where servos show another voltage: what a servo does about being off goes with the product of
+#: gain and supply, so that positions show neither where the other one hides it
+GAIN, SUPPLY, SAG = "gain_error@all", "supply_voltage@all", "voltage_sag@all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,28 @@ class Pair:
     names: tuple[str, str]
     knobs: tuple[float, float]
     anyhow: bool = False  #: fitted to the end however much worse than one of them it begins
+
+
+def opposed(sight: Sight, now: RobotFit, more_v: float, names: Collection[str]) -> tuple[Pair, ...]:
+    """A supply that is so much more at the servos [V], or a source that gives way, behind a gain.
+
+    They begin with the supply that servos show, and with the gain that hides it from positions.
+    None where servos show no other voltage, or where a name is not looked for.
+    """
+    model = sight.model
+    if more_v == 0.0 or GAIN not in names:
+        return ()
+    off = {
+        nuisance.same[0]: 1.0 + z * nuisance.deviation
+        for nuisance, z in zip(model.nuisances, now.nuisances.tolist(), strict=True)
+        if nuisance.same and nuisance.same[0] in (GAIN, SUPPLY)
+    }
+    supply = off[SUPPLY] + more_v / model.base.supply.voltage_v
+    hides = model.placed[GAIN].knob.at(off[GAIN] * off[SUPPLY] / supply)
+    begins = {SUPPLY: model.placed[SUPPLY].knob.at(supply)}
+    if more_v < 0.0:
+        begins[SAG] = model.curves.first_z(SAG)
+    return tuple(Pair((n, GAIN), (z, hides)) for n, z in begins.items() if n in names)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

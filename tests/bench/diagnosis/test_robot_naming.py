@@ -53,14 +53,13 @@ def naming(*, tell=lambda _: None, rattling=None, rising=None, **held):
         f"{name}@all": SimpleNamespace(effect=effect(name))
         for name in ("dead_zone", "punch", "voltage_sag", "gain_error")
     }
+    asked = {"consistent": lambda _: False, "far": lambda _: 0, "volts_denied": lambda _: 0.0}
     search = SimpleNamespace(
         model=SimpleNamespace(placed=placed), sight=SimpleNamespace(held={}), run=late
     )
     return Naming(
         search,
-        SimpleNamespace(
-            **{"consistent": lambda _: False, "far": lambda _: 0, "stands": False} | held
-        ),
+        SimpleNamespace(**asked | {"stands": False} | held),
         SimpleNamespace(**(rattling or {})),
         SimpleNamespace(named=rising or (lambda *_: None)),
         tell,
@@ -300,8 +299,9 @@ def test_what_was_found_is_told_whatever_the_time(cut, again, because):
     """Only another search is left out: the first one's name was taken back."""
     told, searches = [], []
 
-    def run(without, base, done, far):
+    def run(without, base, done, far, volts):
         assert (done, far) == (made.held.consistent, made.held.far)
+        assert volts is made.held.volts_denied
         if cut and searches:
             late()
         searches.append(without)
@@ -377,6 +377,6 @@ def test_no_zero_of_a_joint_is_named_where_a_robot_stands(stands):
         kept=lambda found, say, risen: Named(found, [], "fit", []),
         stands=stands,
     )
-    made.search.run = lambda without, base, done, far: found(without)
+    made.search.run = lambda without, base, done, far, volts: found(without)
     made.named(AS_BELIEVED, frozenset({"punch"}), True)
     assert asked == [{"punch", *(["zero_offset"] if stands else [])}]

@@ -1,5 +1,6 @@
 """Two effects that show only together, tried as one."""
 
+from collections import defaultdict
 from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,8 +10,9 @@ import pytest
 
 from bench.diagnosis.robot.fit import RobotFit
 from bench.diagnosis.robot.gains import APART_NATS, RobotGain
+from bench.diagnosis.robot.nuisances import RobotNuisance
 from bench.diagnosis.robot.search import RobotSearch, with_next
-from bench.diagnosis.robot.sought import Pair
+from bench.diagnosis.robot.sought import GAIN, SAG, SUPPLY, Pair, opposed
 from bench.diagnosis.robot.steps import BESIDE, WORSE
 
 SPRING, TIPS = "joint_compliance@femur+tibia", "foot_compliance@all"
@@ -75,7 +77,7 @@ def single(name, nats):
 def test_two_that_show_only_together_are_taken_together():
     search, now = Pairing(400.0, settled=10.0), fit_of(())
     tried = [single("backlash@tibia", 70.0), single(SPRING, 20.0)]
-    spring, tips = search._together([PAIR], now, tried, tried[0])
+    (spring,), (tips,) = search._together([PAIR], now, tried, tried[0])
     assert (spring.name, tips.name) == PAIR.names
     assert spring.fit is tips.fit is search.last
     assert spring.fit.names == PAIR.names
@@ -87,7 +89,7 @@ def test_two_that_show_only_together_are_taken_together():
 
 
 def test_a_pair_begins_beside_what_is_taken():
-    (gain, _) = Pairing(400.0)._together([PAIR], fit_of(("other@all",)), [], None)
+    (gain,), _ = Pairing(400.0)._together([PAIR], fit_of(("other@all",)), [], None)
     assert gain.fit.names == ("other@all", *PAIR.names)
 
 
@@ -128,6 +130,103 @@ def test_nothing_is_replayed_where_no_pair_is_sought():
     assert search.last is None
 
 
+class Several(Pairing):
+    """Pairs that gain what is told of their first names."""
+
+    def __init__(self, gained):
+        super().__init__(0.0)
+        self.every = gained
+        self.model.placed = defaultdict(lambda: next(iter(self.model.placed.values())))
+        self.model.placed["any"] = SimpleNamespace(parameter=SimpleNamespace(unit=""))
+
+    def begun(self, names, knobs, *_, **more):
+        self.gained = self.every[names[0]]
+        return super().begun(names, knobs, **more)
+
+    def _left_out(self, found):
+        return 0.0
+
+
+@pytest.mark.parametrize(
+    ("gained", "taken", "beside"),
+    [
+        ((400.0, 300.0, 200.0), "a", ["b"]),
+        ((300.0, 400.0, 200.0), "b", ["a"]),
+        ((300.0, 200.0, 400.0), "c", []),  # which stands beside another second one
+        ((400.0, 3.0, 200.0), "a", []),  # b does not hold
+    ],
+)
+def test_of_several_pairs_that_is_taken_which_gains_most_beside_others_of_its_second(
+    gained, taken, beside
+):
+    search = Several(dict(zip("abc", gained, strict=True)))
+    pairs = [Pair((first, last), (1.0, 1.0)) for first, last in ("ax", "bx", "cy")]
+    (first, *others), (second,) = search._together(pairs, fit_of(()), [], None)
+    assert (first.name, second.name) == (taken, dict(pair.names for pair in pairs)[taken])
+    assert [other.name for other in others] == beside
+    assert search.last is first.fit is second.fit
+
+
+# --- a supply that a gain hides
+
+SUPPLY_V = 10.0
+
+
+def hiding():
+    """A sight of a robot whose knobs are their values, with what is never exactly as believed."""
+    placed = dict.fromkeys((GAIN, SUPPLY, SAG), SimpleNamespace(knob=SimpleNamespace(at=float)))
+    supply = SimpleNamespace(supply=SimpleNamespace(voltage_v=SUPPLY_V))
+    every = [
+        RobotNuisance("friction", "", 0.3, ""),
+        RobotNuisance("supply", "", 0.02, "", same=(SUPPLY,)),
+        RobotNuisance("mass trunk", "", 0.03, "", same=("link_mass@trunk", "payload@all")),
+        RobotNuisance("gain", "", 0.03, "", same=(GAIN,)),
+    ]
+    curves = SimpleNamespace(first_z=lambda name: {SAG: 0.25}[name])
+    return SimpleNamespace(
+        model=SimpleNamespace(placed=placed, base=supply, nuisances=every, curves=curves)
+    )
+
+
+BARE = RobotFit((), np.array([1.0, -2.0, 1.0, 2.0]), {}, 0.0)
+
+
+def test_a_supply_begins_as_servos_show_it_and_a_gain_as_it_hides_that():
+    """The supply's tolerance has 4 % less already, the gain's 6 % more."""
+    first, second = opposed(hiding(), BARE, -0.6, (GAIN, SUPPLY, SAG))
+    assert (first.names, second.names) == ((SUPPLY, GAIN), (SAG, GAIN))
+    assert first.knobs == pytest.approx((0.90, 1.06 * 0.96 / 0.90))
+    assert second.knobs == pytest.approx((0.25, 1.06 * 0.96 / 0.90))
+    assert not first.anyhow
+    (more,) = opposed(hiding(), BARE, 0.6, (GAIN, SUPPLY, SAG))  # no source gives more
+    assert more.names == (SUPPLY, GAIN)
+    assert more.knobs == pytest.approx((1.02, 1.06 * 0.96 / 1.02))
+
+
+@pytest.mark.parametrize(
+    ("volts", "names", "expected"),
+    [
+        (0.0, (GAIN, SUPPLY, SAG), []),
+        (-0.6, (SUPPLY, SAG), []),
+        (-0.6, (GAIN,), []),
+        (-0.6, (GAIN, SAG), [SAG]),
+        (-0.6, (GAIN, SUPPLY), [SUPPLY]),
+    ],
+)
+def test_nothing_is_sought_that_servos_do_not_show_or_that_is_not_looked_for(
+    volts, names, expected
+):
+    assert [pair.names[0] for pair in opposed(hiding(), BARE, volts, names)] == expected
+
+
+@pytest.mark.parametrize(("then", "asked"), [(0.0, False), (-0.6, True)])
+def test_supplies_behind_a_gain_are_sought_where_what_was_taken_mends_no_voltage(then, asked):
+    search, taken = Pairing(400.0), single(GAIN, 9.0).fit
+    search.sight = hiding()
+    found = search._hidden(BARE, taken, lambda fit: then if fit.names else -0.6, (GAIN, SUPPLY))
+    assert len(found) == asked
+
+
 # --- the first that was taken, and what gained most in its place
 
 
@@ -159,8 +258,8 @@ def test_a_pair_that_begins_far_behind_is_fitted_to_the_end_where_that_is_asked(
     first = replace(first, fit=replace(first.fit, z=np.array([3.0, 0.0])))
     assert search._together([PAIR], now, [first], first) == []
     found = search._together([replace(PAIR, anyhow=True)], now, [first], first)
-    assert [gain.name for gain in found] == list(PAIR.names)
-    assert [gain.nats for gain in found] == [400.0, 330.0]  # over the other one alone
+    assert [gain.name for (gain,) in found] == list(PAIR.names)
+    assert [gain.nats for (gain,) in found] == [400.0, 330.0]  # over the other one alone
     assert (search.most, search.nuisances.tolist()) == (np.inf, [3.0])
     worse = Pairing(60.0, at_once=-900.0)
     assert worse._together([replace(PAIR, anyhow=True)], now, [first], first) == []

@@ -1004,17 +1004,24 @@ def test_a_pair_is_tried_at_the_first_step_and_counts_as_two(most):
     def together(pairs, now, tried, chosen):
         asked.append((pairs, chosen.name))
         fit = fit_of(("effect0@all", "effect1@all"))
-        return [RobotGain(name, fit, 99.0, 1.0, None) for name in fit.names]
+        return [(RobotGain(name, fit, 99.0, 1.0, None),) for name in fit.names]
 
-    search._together = together
-    found = search.run(most=most, base=fit_of(()))
+    def hidden(bare, now, volts, names):
+        asked.append((bare.names, now.names, volts(now), names))
+        return ("another",)
+
+    search._together, search._hidden = together, hidden
+    found = search.run(most=most, base=fit_of(()), volts=lambda now: -0.6)
     assert [gain.name for gain in found.taken] == [f"effect{k}@all" for k in range(most)]
     assert [[gain.name for gain in step] for step in found.tried] == [
         *[[f"effect{k}@all"] for k in range(most)],
         ["effect0@all"],
     ]
     assert found.tried[0][0] is found.taken[0]
-    assert asked == [(("a pair",), "effect0@all")]
+    assert asked == [
+        ((), ("effect0@all",), -0.6, []),
+        (("a pair", "another"), "effect0@all"),
+    ]
 
 
 @pytest.mark.parametrize(("far", "alone", "pairs"), [(True, 1, 1), (False, 1, 0), (True, 2, 0)])
@@ -1037,7 +1044,7 @@ def test_far_from_what_was_recorded_the_next_is_tried_with_a_first_that_stays_al
             return []
         asked.append((pairs, now.names, tried, first.fit.cost))
         fit = fit_of(("effect0@all", "effect5@all"))
-        return [RobotGain(name, fit, 99.0, 1.0, None) for name in fit.names]
+        return [(RobotGain(name, fit, 99.0, 1.0, None),) for name in fit.names]
 
     search._chosen, search._together = once, together
     found = search.run(most=3, base=fit_of(()), far=lambda fit: fars.append(fit.names) or far)
