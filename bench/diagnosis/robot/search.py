@@ -173,12 +173,15 @@ class RobotSearch(Steps):
                 self._say(f"replaying what is ordinary beside {told}")
                 refined = self.refined(begun)
             fit = self.replayed(refined)
-            gains = [self._of_pair(name, fit, tried) for name in pair.names]
+            bare = [self._without(name, fit, tried) for name in pair.names]
+            gains = [
+                self._of_pair(name, fit, one) for name, one in zip(pair.names, bare, strict=True)
+            ]
             worse = much_worse(self._whole_square(fit), self._whole_square(now))
-            more = alone.cost - fit.cost
-            if worse or any(more < BESIDE * gain.inflation for gain in gains):
+            more = [replace(gain, nats=alone.cost - fit.cost).counting(alone) for gain in gains]
+            if worse or min(more) < BESIDE:
                 continue
-            if all(self._holds(gain, fit) for gain in gains):
+            if all(self._holds(gain, one) for gain, one in zip(gains, bare, strict=True)):
                 found.append(gains)
         best = min(found, key=lambda gains: gains[0].fit.cost, default=None)
         if pairs:
@@ -189,11 +192,14 @@ class RobotSearch(Steps):
         others = (one for one, other in found if one is not first and other.name == second.name)
         return [(first, *others), (second,)]
 
-    def _of_pair(self, name: str, fit: RobotFit, tried: Sequence[RobotGain]) -> RobotGain:
-        """What one effect gains beside the others of a fit, the best of which is known."""
+    def _without(self, name: str, fit: RobotFit, tried: Sequence[RobotGain]) -> RobotFit:
+        """A fit without one of its effects, or with the others alone the best that is known."""
         without = self.settle(self.sight.without(fit, name))
         known = [gain.fit for gain in tried if gain.fit.names == without.names]
-        without = min([without, *known], key=lambda other: other.cost)
+        return min([without, *known], key=lambda other: other.cost)
+
+    def _of_pair(self, name: str, fit: RobotFit, without: RobotFit) -> RobotGain:
+        """What one effect gains over a fit without it."""
         gain = RobotGain(name, fit, 0.0, self.sight.inflation(fit, name), None)
         return self._with(gain, without, fit, self._left_out(without))
 

@@ -188,12 +188,13 @@ class RobotJudges(Judges):
     ) -> str:
         """Why a name does not hold whatever recordings say that judge; nothing if it may.
 
-        It must be of some size, and of more than an assumed number is off by. One that no register
-        asks for must gain as much as beside another where positions are ``calm``, must gain on
-        groups left out, must be likelier than all else, and must leave voltages as servos show them
-        and tolerances, of its own joints and of all servos, what they are by chance. Where no more
-        than noise is left without any (``quiet``), it must be more than a tolerance has, or gain
-        much and free several of them from their ends: together that is more than they have.
+        It must be of some size, and of more than an assumed number is off by; that which gained
+        least must leave tolerances of servos what they are by chance. One that no register asks for
+        must gain as much as beside another where positions are ``calm``, must gain on groups left
+        out, must be likelier than all else, and must leave voltages as servos show them and the
+        tolerances of its own joints what they are by chance. Where no more than noise is left
+        without any (``quiet``), it must be more than a tolerance has, or gain much and free several
+        of them from their ends: together that is more than they have.
         """
         base = found.base
         number = number_of(self.search, now, gain.name)
@@ -201,6 +202,9 @@ class RobotJudges(Judges):
             return FARTHER
         if small := self._small(gain.name, *number.ci95):
             return small
+        there = [other for other in found.taken if other.name in now.names]
+        if gain is min(there, key=lambda other: other.deflated) and self.driven(now):
+            return DRIVEN
         weak = self._weak(found, gain, calm) or self._stands_in(found, now, gain)
         if weak and not self.restores(self.without(base, now, gain.name), now):
             return weak
@@ -223,8 +227,6 @@ class RobotJudges(Judges):
             return OTHER_VOLTS
         if self.pulled(now, gain.name):
             return STANDS_IN
-        if self.driven(now):
-            return DRIVEN
         for rival in close_rivals(self.model, found, gain):
             ends = number_of(self.search, rival.fit, rival.name).ci95
             if self._small(rival.name, *ends) == ASSUMED:

@@ -58,7 +58,8 @@ def opposed(sight: Sight, now: RobotFit, more_v: float, names: Collection[str]) 
     begins = {SUPPLY: model.placed[SUPPLY].knob.at(supply)}
     if more_v < 0.0:
         begins[SAG] = model.curves.first_z(SAG)
-    return tuple(Pair((n, GAIN), (z, hides)) for n, z in begins.items() if n in names)
+    every = [n for n in begins if n in names]
+    return tuple(Pair((n, GAIN), (begins[n], hides), anyhow=True) for n in every)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

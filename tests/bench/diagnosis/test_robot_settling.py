@@ -485,6 +485,7 @@ def kept(
     risen=(),
     base=(),
     own_gear=(),
+    deflated=None,
 ):
     names = max(phases, key=len)
     placed = {n: effect_of(n, Group.GEAR if n in own_gear else Group.CONTROLLER) for n in names}
@@ -494,8 +495,9 @@ def kept(
     Given.phases, Given.seen = phases, seen or phases
     Given.whole, Given.stand_in = whole or Given.seen, frozenset(stand_in)
     Given.costs, Given.denied, Given.low = costs or {}, denied or {}, low or {}
-    one = {"deflated": 20.0, "held_out": own.left_out, "counting": lambda _: own.counts}
-    gains = [SimpleNamespace(name=n, **one) for n in names]
+    one = {"held_out": own.left_out, "counting": lambda _: own.counts}
+    gained = deflated or dict.fromkeys(names, 20.0)
+    gains = [SimpleNamespace(name=n, deflated=gained[n], **one) for n in names]
     base = SimpleNamespace(names=base)
     found = SimpleNamespace(base=base, fit=SimpleNamespace(names=names), taken=gains, tried=())
     _, taken, now, rejected = own.kept(found, lambda _: None, lambda fit: fit.names in risen)
@@ -624,7 +626,6 @@ def test_of_a_robot_that_is_consistent_a_name_must_gain_as_much_as_beside_anothe
         ("left_out", None, -0.1, LEFT_OUT),  # all recordings are of one group
         ("chance", 1.1 * UNLIKELY, 0.9 * UNLIKELY, UNSURE),
         ("pulls", frozenset(), frozenset("a"), STANDS_IN),
-        ("drives", frozenset(), frozenset("a"), DRIVEN),
     ],
 )
 @pytest.mark.parametrize(
@@ -644,6 +645,26 @@ def test_a_name_that_no_register_asks_for_must_be_firm(
     for value, stays in ((enough, "a"), (too_little, "a" if asks else "")):
         monkeypatch.setattr(Given, what, value)
         assert kept(squares, **registers, because=because) == tuple(stays)
+
+
+@pytest.mark.parametrize("registers", [{}, {"denied": {(): -0.7}}])
+def test_a_name_must_leave_servos_what_they_are_by_chance_whatever_asks_for_it(
+    monkeypatch, registers
+):
+    squares = {(): 5.0, ("a",): 1.5}
+    assert kept(squares, **registers) == ("a",)
+    monkeypatch.setattr(Given, "drives", frozenset("a"))
+    assert kept(squares, **registers, because=DRIVEN) == ()
+
+
+@pytest.mark.parametrize(("gains", "stays"), [((90.0, 50.0), "a"), ((50.0, 90.0), "b")])
+def test_of_several_beside_which_servos_are_not_that_goes_which_gained_least(
+    monkeypatch, gains, stays
+):
+    """And the other stays if they are without it."""
+    monkeypatch.setattr(Given, "drives", frozenset("b" if stays == "a" else "a"))
+    squares = {(): 9.0, ("a",): 5.0, ("b",): 5.0, ("a", "b"): 1.5}
+    assert kept(squares, deflated=dict(zip("ab", gains, strict=True)), because=DRIVEN) == (stays,)
 
 
 @pytest.mark.parametrize(
