@@ -43,7 +43,7 @@ def of_causes(
         _placed(
             one,
             {
-                name: Estimate(_within(one.parameter, e.value), recordings, e.ci95)
+                name: Estimate(within(one.parameter, e.value), recordings, e.ci95)
                 for name, e in found.items()
             },
             recordings,
@@ -59,7 +59,7 @@ def of_settings(
     made = []
     for name, z in settings:
         one = placed[name]
-        value = _within(one.parameter, one.knob.value(z))
+        value = within(one.parameter, one.knob.value(z))
         own = {one.parameter.name: Estimate(value, recordings)}
         made.append(_placed(one, own, recordings))
     return made
@@ -127,7 +127,7 @@ def knob_of(
     same = of_room([nuisance], [deviations]) or _addition(base, nuisance.name, x, "")
     for addition in same:
         if addition.effect is one.effect:
-            z = one.knob.at(_within(one.parameter, addition.values[one.parameter.name]))
+            z = one.knob.at(within(one.parameter, addition.values[one.parameter.name]))
             low, high = one.knob.bounds
             return min(high, max(low, z))
     return None
@@ -184,11 +184,12 @@ def _friction(joint: Joint, x: float, told: str) -> list[Addition]:
 def _one(kind: str, parameter: str, value: float, where: tuple[str, ...], told: str) -> Addition:
     known = effect(kind)
     return Addition(
-        known, where, {parameter: Estimate(_within(known.parameter(parameter), value), told)}
+        known, where, {parameter: Estimate(within(known.parameter(parameter), value), told)}
     )
 
 
-def _within(parameter: Parameter, value: float) -> float:
+def within(parameter: Parameter, value: float) -> float:
+    """A value, or the nearest that a parameter may have."""
     return min(parameter.high, max(parameter.low, value))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from .fit import RobotFit, Sight
 from .gains import HOPELESS, NEEDED, RobotGain, levelled
+from .improved import within
 
 #: looked for from a large try whatever is promised: a little of a spring and much are two valleys
 SPRINGS = frozenset(
@@ -53,8 +54,10 @@ def opposed(sight: Sight, now: RobotFit, more_v: float, names: Collection[str]) 
         for nuisance, z in zip(model.nuisances, now.nuisances.tolist(), strict=True)
         if nuisance.same and nuisance.same[0] in (GAIN, SUPPLY)
     }
-    supply = off[SUPPLY] + more_v / model.base.supply.voltage_v
-    hides = model.placed[GAIN].knob.at(off[GAIN] * off[SUPPLY] / supply)
+    shown = off[SUPPLY] + more_v / model.base.supply.voltage_v
+    supply = within(model.placed[SUPPLY].parameter, shown)
+    gain = within(model.placed[GAIN].parameter, off[GAIN] * off[SUPPLY] / supply)
+    hides = model.placed[GAIN].knob.at(gain)
     begins = {SUPPLY: model.placed[SUPPLY].knob.at(supply)}
     if more_v < 0.0:
         begins[SAG] = model.curves.first_z(SAG)

@@ -174,7 +174,9 @@ SUPPLY_V = 10.0
 
 def hiding():
     """A sight of a robot whose knobs are their values, with what is never exactly as believed."""
-    placed = dict.fromkeys((GAIN, SUPPLY, SAG), SimpleNamespace(knob=SimpleNamespace(at=float)))
+    bounds = SimpleNamespace(low=0.5, high=1.5)
+    one = SimpleNamespace(knob=SimpleNamespace(at=float), parameter=bounds)
+    placed = dict.fromkeys((GAIN, SUPPLY, SAG), one)
     supply = SimpleNamespace(supply=SimpleNamespace(voltage_v=SUPPLY_V))
     every = [
         RobotNuisance("friction", "", 0.3, ""),
@@ -201,6 +203,12 @@ def test_a_supply_begins_as_servos_show_it_and_a_gain_as_it_hides_that():
     (more,) = opposed(hiding(), BARE, 0.6, (GAIN, SUPPLY, SAG))  # no source gives more
     assert more.names == (SUPPLY, GAIN)
     assert more.knobs == pytest.approx((1.02, 1.06 * 0.96 / 1.02))
+
+
+@pytest.mark.parametrize(("volts", "knobs"), [(-99.0, (0.5, 1.5)), (99.0, (1.5, 1.06 * 0.64))])
+def test_registers_that_show_nonsense_begin_at_the_bounds(volts, knobs):
+    first, *_ = opposed(hiding(), BARE, volts, (GAIN, SUPPLY))
+    assert first.knobs == pytest.approx(knobs)
 
 
 @pytest.mark.parametrize(
