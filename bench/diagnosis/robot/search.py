@@ -63,15 +63,12 @@ class RobotSearch(Steps):
         ``without`` are effects of the catalogue that are left out, ``base`` is what the operator
         believes if that was fitted. Beside a fit that is ``done`` nothing is tried but what had
         gained in place of what it has; and pairs where it is ``far`` from what was recorded, or
-        where servos show so many ``volts`` more than a fit has.
+        where nothing more holds and servos show so many ``volts`` more than a fit has.
         """
-        model = self.model
         base = base or self.believed()
         self.around(base)
         first = self.screen(base)
-        looked = self._worth_looking(first, stretched(model.nuisances, base.nuisances))
-        wanted = [name for name in looked if not model.placed[name].left_out(without)]
-        self._say(f"replaying {len(wanted)} effects")
+        wanted = self._wanted(first, base, without)
         ranking, now = first.rank(wanted), base
         screened = tuple(ranking)
         taken: list[RobotGain] = []
@@ -80,9 +77,10 @@ class RobotSearch(Steps):
         sought = self._sought(wanted)
         try:
             while len(taken) < most:
-                named = stretched(model.nuisances, now.nuisances)
-                gains = self._step(worth_fitting(ranking, named), now, len(taken))
-                gains = sought.beside(now, gains)
+                named = stretched(self.model.nuisances, now.nuisances)
+                gains = sought.beside(
+                    now, self._step(worth_fitting(ranking, named), now, len(taken))
+                )
                 chosen, now, fitted = self._chosen(now, gains, named | sought.asked(gains))
                 base = base if now.names else now
                 tried.append(fitted)
@@ -91,19 +89,18 @@ class RobotSearch(Steps):
                 if chosen is not None:
                     now, taken = chosen.fit, [*taken, chosen]
                 pair: list[tuple[RobotGain, ...]] = []
+                kept = 0  # of what is taken, beside a pair
                 if len(tried) == 1:
-                    pair = self._together(
-                        (*sought.pairs, *self._hidden(bare, now, volts, wanted)),
-                        bare,
-                        fitted,
-                        chosen,
-                    )
+                    pair = self._together(sought.pairs, bare, fitted, chosen)
                 elif len(taken) == 1 and far(now):
                     most = 2  # what such a robot does beside two is chance
                     one = replace(taken[0], fit=now)
                     pair = self._together(with_next(one, tried[0]), base, tried[0], one)
+                if not pair and now is bare and len(taken) + 1 < most:
+                    pair, kept = self._hidden(now, volts(now), wanted), len(taken)
                 if pair:
-                    alone, tried, taken = tried, pair, [step[0] for step in pair]
+                    alone, tried = [*alone, *tried[kept:]], [*tried[:kept], *pair]
+                    taken = [*taken[:kept], *(step[0] for step in pair)]
                     now = taken[-1].fit
                 over = done(now)
                 sought = sought.rivals(now) if over else sought
@@ -123,6 +120,14 @@ class RobotSearch(Steps):
         now, taken = self._standing(base, now, taken)
         return RobotFindings(base, now, tuple(taken), (*tried, *alone), alike, screened)
 
+    def _wanted(self, first: Screen, base: RobotFit, without: Collection[str]) -> list[str]:
+        """Effects at places that are looked at; those of the catalogue ``without`` are left out."""
+        placed = self.model.placed
+        looked = self._worth_looking(first, stretched(self.model.nuisances, base.nuisances))
+        wanted = [name for name in looked if not placed[name].left_out(without)]
+        self._say(f"replaying {len(wanted)} effects")
+        return wanted
+
     def _sought(self, names: Collection[str]) -> Sought:
         return Sought.much(self.sight, names)
 
@@ -136,14 +141,10 @@ class RobotSearch(Steps):
         return RobotFindings(base, base, (), (), {}, ())
 
     def _hidden(
-        self,
-        bare: RobotFit,
-        now: RobotFit,
-        volts: Callable[[RobotFit], float],
-        names: Collection[str],
-    ) -> tuple[Pair, ...]:
-        """Supplies behind a gain, where servos show another voltage with what was taken as well."""
-        return opposed(self.sight, bare, volts(bare), names) if volts(now) else ()
+        self, now: RobotFit, more_v: float, names: Collection[str]
+    ) -> list[tuple[RobotGain, ...]]:
+        """A supply and a gain that hides it, beside a fit, if servos show so much another [V]."""
+        return self._together(opposed(self.sight, now, more_v, names), now, (), None)
 
     def _together(
         self,

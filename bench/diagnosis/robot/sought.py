@@ -44,11 +44,12 @@ def opposed(sight: Sight, now: RobotFit, more_v: float, names: Collection[str]) 
     """A supply that is so much more at the servos [V], or a source that gives way, behind a gain.
 
     They begin with the supply that servos show, and with the gain that hides it from positions.
-    None where servos show no other voltage, or where a name is not looked for.
+    None where servos show no other voltage, where a name is not looked for, or beside one of them:
+    what is missing then shows by itself.
     """
-    model = sight.model
-    if more_v == 0.0 or GAIN not in names:
+    if more_v == 0.0 or GAIN not in names or {GAIN, SUPPLY, SAG}.intersection(now.names):
         return ()
+    model = sight.model
     off = {
         nuisance.same[0]: 1.0 + z * nuisance.deviation
         for nuisance, z in zip(model.nuisances, now.nuisances.tolist(), strict=True)

@@ -227,12 +227,21 @@ def test_nothing_is_sought_that_servos_do_not_show_or_that_is_not_looked_for(
     assert [pair.names[0] for pair in opposed(hiding(), BARE, volts, names)] == expected
 
 
-@pytest.mark.parametrize(("then", "asked"), [(0.0, False), (-0.6, True)])
-def test_supplies_behind_a_gain_are_sought_where_what_was_taken_mends_no_voltage(then, asked):
-    search, taken = Pairing(400.0), single(GAIN, 9.0).fit
+@pytest.mark.parametrize("own", [GAIN, SUPPLY, SAG])
+def test_beside_one_of_them_no_pair_is_sought(own):
+    """With the other one free, what is missing shows by itself."""
+    fit = replace(BARE, names=(own,), z=np.append(BARE.z, 1.0))
+    assert opposed(hiding(), fit, -0.6, (GAIN, SUPPLY, SAG)) == ()
+    other = replace(fit, names=("ground_tilt.pitch@all",))
+    assert len(opposed(hiding(), other, -0.6, (GAIN, SUPPLY, SAG))) == 2
+
+
+def test_what_a_gain_hides_is_fitted_beside_what_is_taken():
+    search, asked = Pairing(400.0), []
     search.sight = hiding()
-    found = search._hidden(BARE, taken, lambda fit: then if fit.names else -0.6, (GAIN, SUPPLY))
-    assert len(found) == asked
+    search._together = lambda *given: asked.append(given) or ["a pair"]
+    assert search._hidden(BARE, -0.6, (GAIN, SUPPLY)) == ["a pair"]
+    assert asked == [(opposed(hiding(), BARE, -0.6, (GAIN, SUPPLY)), BARE, (), None)]
 
 
 # --- the first that was taken, and what gained most in its place

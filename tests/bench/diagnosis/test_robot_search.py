@@ -1006,22 +1006,52 @@ def test_a_pair_is_tried_at_the_first_step_and_counts_as_two(most):
         fit = fit_of(("effect0@all", "effect1@all"))
         return [(RobotGain(name, fit, 99.0, 1.0, None),) for name in fit.names]
 
-    def hidden(bare, now, volts, names):
-        asked.append((bare.names, now.names, volts(now), names))
-        return ("another",)
-
-    search._together, search._hidden = together, hidden
-    found = search.run(most=most, base=fit_of(()), volts=lambda now: -0.6)
+    search._together = together
+    found = search.run(most=most, base=fit_of(()))
     assert [gain.name for gain in found.taken] == [f"effect{k}@all" for k in range(most)]
     assert [[gain.name for gain in step] for step in found.tried] == [
         *[[f"effect{k}@all"] for k in range(most)],
         ["effect0@all"],
     ]
     assert found.tried[0][0] is found.taken[0]
-    assert asked == [
-        ((), ("effect0@all",), -0.6, []),
-        (("a pair", "another"), "effect0@all"),
+    assert asked == [(("a pair",), "effect0@all")]
+
+
+@pytest.mark.parametrize("alone", [0, 1, 2])
+def test_what_a_gain_hides_is_sought_where_nothing_more_holds_beside_what_is_taken(alone):
+    """Of three effects at most; then the search goes on."""
+    search, asked = Stepping(), []
+    chosen = search._chosen
+
+    def some(now, promised, named):
+        if len(now.names) >= alone:
+            return None, now, ("what was tried",)
+        return chosen(now, promised, named)
+
+    def hidden(now, more_v, names):
+        asked.append((now.names, more_v, names))
+        fit = fit_of((*now.names, "supply@all", "gain@all"))
+        return [(RobotGain(name, fit, 99.0, 1.0, None),) for name in fit.names[-2:]]
+
+    search._chosen, search._hidden = some, hidden
+    search._united = lambda now, taken, tried: (now, taken, tried)
+    search._worth_looking = lambda first, named: ["effect0@all"]
+    search.screen = lambda now: SimpleNamespace(rank=lambda some: [])
+    found = search.run(base=fit_of(()), volts=lambda now: -0.1 * (1 + len(now.names)))
+    first = tuple(f"effect{k}@all" for k in range(alone))
+    pair = ("supply@all", "gain@all") if alone < 2 else ()
+    assert tuple(gain.name for gain in found.taken) == (*first, *pair)
+    assert asked == ([(first, -0.1 * (1 + alone), ["effect0@all"])] if pair else [])
+    assert [[getattr(g, "name", g) for g in step] for step in found.tried] == [
+        *([name] for name in (*first, *pair)),
+        *([["what was tried"]] * (2 if alone == 0 else 1)),
     ]
+
+
+def test_no_hidden_pair_is_sought_where_something_holds():
+    search = Stepping()
+    search._hidden = None
+    assert len(search.run(most=3, base=fit_of(())).taken) == 3
 
 
 @pytest.mark.parametrize(("far", "alone", "pairs"), [(True, 1, 1), (False, 1, 0), (True, 2, 0)])
