@@ -223,7 +223,7 @@ class RobotJudges(Judges):
 
     def _stands_in(self, found: RobotFindings, now: RobotFit, gain: RobotGain) -> str:
         """Why a name is there for something that has none; nothing if it is not."""
-        if self.volts_denied(now):
+        if self.volts_denied(now) and not is_play(gain.name):  # no voltage makes teeth loose
             return OTHER_VOLTS
         if self.pulled(now, gain.name):
             return STANDS_IN

@@ -676,6 +676,16 @@ def test_a_name_must_leave_voltages_as_servos_show_them(left, stays):
     assert found == stays
 
 
+@pytest.mark.parametrize(
+    ("name", "stays"),
+    [("backlash@femur+tibia", True), ("joint_compliance@all", False), ("dead_zone@all", False)],
+)
+def test_no_other_voltage_stands_in_for_play(name, stays):
+    """Which was hidden behind a gain, and servos showed what hid that."""
+    found = kept({(): 5.0, (name,): 1.5}, denied={(): -0.7, (name,): -0.7}, because=OTHER_VOLTS)
+    assert found == ((name,) if stays else ())
+
+
 def test_beside_a_name_that_mends_voltages_another_holds():
     squares = {(): 9.0, ("a",): 5.0, ("b",): 5.0, ("a", "b"): 1.5}
     costs = {("a", "b"): 99.0, ("a",): 100.0}
