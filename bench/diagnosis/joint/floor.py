@@ -36,7 +36,25 @@ def noise_floor(observed: Sequence[Observed], blocks: Blocks) -> float:
     residuals ``blocks`` come out in the repeats, if that is more: what is the same in all repeats,
     the model's own error, cancels, and so do goals that came at other instants.
     """
-    rounding = max(o.position.quantum for o in observed) / np.sqrt(12.0)
+    return max(_rounding(observed), _repeated(observed, blocks) or 0.0)
+
+
+def judged_floor(floor_rad: float, judged: Sequence[Observed], left: Blocks) -> float:
+    """That of recordings that were fitted, or less [rad], where repeats that judge differ by less.
+
+    ``left`` are their residuals. Those that were fitted may differ as what is the matter falls on
+    another instant in each: a servo that lets go before a host tells it to, at a time of its own.
+    """
+    differ = _repeated(judged, left)
+    return floor_rad if differ is None else min(floor_rad, max(_rounding(judged), differ))
+
+
+def _rounding(observed: Sequence[Observed]) -> float:
+    return float(max(o.position.quantum for o in observed) / np.sqrt(12.0))
+
+
+def _repeated(observed: Sequence[Observed], blocks: Blocks) -> float | None:
+    """Deviation [rad] by which residuals differ in repeats of experiments; None without any."""
     groups: dict[str, list[int]] = {}
     for r, one in enumerate(observed):
         if (r, Kind.POSITION) in blocks:
@@ -48,7 +66,7 @@ def noise_floor(observed: Sequence[Observed], blocks: Blocks) -> float:
         if same_goals(observed[a], observed[b])
         and (square := _difference(blocks[a, Kind.POSITION], blocks[b, Kind.POSITION])) is not None
     ]
-    return float(max(rounding, np.sqrt(np.mean(squares)))) if squares else float(rounding)
+    return float(np.sqrt(np.mean(squares))) if squares else None
 
 
 def same_goals(one: Observed, other: Observed) -> bool:

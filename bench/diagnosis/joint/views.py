@@ -14,7 +14,7 @@ from ..journal import Journal
 from ..observed import Observed
 from ..watch import Watch
 from .fit import Fit, fit
-from .floor import noise_floor, tolerance
+from .floor import judged_floor, noise_floor, tolerance
 from .gear import PLAINLY, SpringError, asked_again, believed, sprung
 from .leash import GATED, HUNTS, LEASH_RAD_S
 from .model import GEARS, Blocks, Hypothesis, JointModel, Kind
@@ -147,6 +147,9 @@ class Views:
         judge = model.of(judged) if judged else model
         start = model.residuals(Hypothesis(), [before.z])[0]
         floor = noise_floor(model.observed, start)
+        if judged:
+            left = judge.residuals(Hypothesis(), [before.z], kinds=(Kind.POSITION,))[0]
+            floor = judged_floor(floor, judge.observed, left)
         floors = {kind: noise.total for kind, noise in before.noise.items()} | {
             Kind.POSITION: tolerance(floor)
         }

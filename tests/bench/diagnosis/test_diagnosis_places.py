@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 from pendulum_logs import DUTY, JOINT, MOTIONS, POSITION, logs, model_of, robot
 
+from bench.diagnosis.joint import views
 from bench.diagnosis.joint.diagnosis import SIGNIFICANT, diagnose_joint
 from bench.diagnosis.joint.diagnosis import _unexplained as left
-from bench.diagnosis.joint.floor import ENGINE_RAD, noise_floor, same_goals, tolerance
-from bench.diagnosis.joint.model import Kind
+from bench.diagnosis.joint.fit import fit
+from bench.diagnosis.joint.floor import (
+    ENGINE_RAD,
+    judged_floor,
+    noise_floor,
+    same_goals,
+    tolerance,
+)
+from bench.diagnosis.joint.model import Hypothesis, Kind
 from bench.diagnosis.joint.regimes import (
     EVERYWHERE,
     STRETCH_S,
@@ -20,9 +28,12 @@ from bench.diagnosis.joint.regimes import (
 )
 from bench.diagnosis.joint.remainder import remainder
 from bench.diagnosis.joint.rest import MISFIT, Rest, is_structured, is_worse
+from bench.diagnosis.joint.settling import Settled
+from bench.diagnosis.joint.views import Views
 from bench.diagnosis.noise import Block
 from bench.diagnosis.observed import observe
 from bench.diagnosis.report.telling import remains
+from bench.diagnosis.watch import Watch
 from sim.effects import effect
 from sim.model import read_model
 
@@ -312,6 +323,37 @@ def test_a_floor_of_repeats_is_never_below_rounding():
     assert noise_floor(quiet.observed, blocks) == pytest.approx(
         quiet.observed[0].position.quantum / np.sqrt(12.0)
     )
+
+
+@pytest.mark.parametrize(
+    ("groups", "scatter", "expected"),
+    [
+        (("fast", "fast"), 1.0, SIZE_RAD),  # repeats that differ by less than what was fitted
+        (("fast", "fast"), 9.0, 3.0 * SIZE_RAD),  # never more
+        (("fast", "fast"), 0.0, None),  # rounding
+        (("fast", "slow"), 1.0, 3.0 * SIZE_RAD),  # no repeats
+    ],
+)
+def test_where_repeats_judge_the_floor_is_what_they_differ_by(groups, scatter, expected):
+    judged = model_of(logs(motions=groups, groups=groups))
+    left = planted(judged, lambda one, random: scatter * noise(one, random))
+    floor = judged_floor(3.0 * SIZE_RAD, judged.observed, left)
+    rounding = judged.observed[0].position.quantum / np.sqrt(12.0)
+    assert floor == pytest.approx(expected or rounding, rel=0.15)
+
+
+@pytest.mark.parametrize("holds_out", [True, False])
+def test_a_view_has_the_floor_of_those_that_judge_it(monkeypatch, holds_out):
+    """Not where what is held out judges nothing of its own."""
+    fitted = model_of(logs(motions=["fast"] * 2, groups=["fast"] * 2))
+    before = fit(fitted, Hypothesis(), np.zeros(len(fitted.nuisances)), rounds=1)
+    settled = Settled(before, (), (), {}, (), 0.0)
+    monkeypatch.setattr(views, "settle", lambda *_: settled)
+    monkeypatch.setattr(views, "noise_floor", lambda *_: 0.5)
+    own = Views(read_model(robot()), robot(), {}, None, None, Watch(print))
+    view = own._with(fitted, before, fitted.observed if holds_out else ())
+    assert (view.floor < 0.1) is holds_out
+    assert view.floors[Kind.POSITION] == tolerance(view.floor)
 
 
 def test_two_sound_simulations_may_differ():
