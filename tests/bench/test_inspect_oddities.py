@@ -158,6 +158,15 @@ def test_a_typed_in_voltage_is_held_against_the_register(typed, contradicted):
     )
 
 
+@pytest.mark.parametrize(
+    ("typed", "why"),
+    [(0, "does not move"), (-5.0, "does not move"), (4.0, "full duty gives +25% torque and speed")],
+)
+def test_a_typed_in_voltage_of_nothing_has_no_share(typed, why):
+    (odd,) = found(joint(), "supply_contradicted", condition={"supply_v": typed})
+    assert why in odd.why
+
+
 def test_a_voltage_that_swings_is_told():
     columns = joint()
     times, raw = columns["present_input_voltage", "read"]

@@ -55,7 +55,9 @@ def _typed_in(recording: Recording, series: Channel, told: set[float]) -> Iterat
         "supply_contradicted",
         Weight.WARNING,
         f"{where} says {typed:g} V, the register {median:.1f} V (median)",
-        f"full duty gives {median / typed - 1.0:+.0%} torque and speed against the model",
+        f"full duty gives {median / typed - 1.0:+.0%} torque and speed against the model"
+        if typed > 0.0
+        else "a model at that does not move",
         f"use {median:.1f} V, or measure at the servo",
     )
 
