@@ -40,7 +40,7 @@ LITTLE = 0.1  #: share of the misfit above the floor that a name must take away 
 #: answers six of seven that took less were wrong, and all that are wholly right took 0.56 and more
 PART = 0.5
 #: chance below which tolerances of a name's own joints are not what they are by themselves: of
-#: thirteen true names in opened proofs the least was 0.10, of a wrong one it was 0.002
+#: thirteen true names in opened proofs the least was 0.10, of a wrong one it was 0.002;
 #: and those of all servos, one way: of 34 answers without a wrong name the least was 0.03, of two
 #: wrong ones it was 0.001 and 0.002
 PULLED = 0.01
